@@ -1,0 +1,44 @@
+"""animeme makes rigged characters speak.
+
+>>> import animeme
+>>> animeme.load_character("sample_assets/ada.glb").shapes[:2]
+('browDownLeft', 'browDownRight')
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from animeme.api import align, load_character, load_model, run
+    from animeme.errors import AnimemeError, InputError, JobError, PluginError
+
+# Loaded when first used, so that `import animeme` and `animeme --help` are quick.
+_HOMES = {
+    "align": "animeme.api",
+    "load_character": "animeme.api",
+    "load_model": "animeme.api",
+    "run": "animeme.api",
+    "AnimemeError": "animeme.errors",
+    "InputError": "animeme.errors",
+    "JobError": "animeme.errors",
+    "PluginError": "animeme.errors",
+}
+
+__all__ = [
+    "AnimemeError",
+    "InputError",
+    "JobError",
+    "PluginError",
+    "align",
+    "load_character",
+    "load_model",
+    "run",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(import_module(_HOMES[name]), name)
+    raise AttributeError(f"module 'animeme' has no attribute '{name}'")

@@ -1,0 +1,85 @@
+"""The command line: one command per file, each parses, calls the API and renders."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.metadata import version
+
+import click
+
+# Name → one-line help. Commands are imported when used, so that --help is quick.
+_COMMANDS = {
+    "align": "Find when each phone of a recording is spoken.",
+    "doctor": "Say what is installed, and what extras would add.",
+    "rig": "Say which rig profile fits an asset, or draft one.",
+    "run": "Run a job: characters and dialogue in, animated assets out.",
+    "schema": "Print the JSON Schema of a document.",
+}
+
+EXIT_UNUSABLE = 2
+EXIT_OURS = 3
+
+
+class _Commands(click.Group):
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in _COMMANDS:
+            return None
+        command: click.Command = import_module(f"animeme.cli.{cmd_name}").command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(sorted(_COMMANDS.items()))
+
+
+@click.command(
+    cls=_Commands,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Exit codes: 0 all well; 1 done, but something is at or above --fail-on; "
+    "2 the command or its input could not be used and nothing was written; 3 a fault of ours.",
+)
+@click.option("--debug", is_flag=True, help="Show Python's traceback of an error.")
+@click.version_option(version("animeme"), prog_name="animeme")
+@click.pass_context
+def cli(ctx: click.Context, debug: bool) -> None:
+    """Make rigged characters speak: dialogue in, blendshape animation in glTF and USD out."""
+    ctx.obj = debug
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point: turns every error into a message and an exit code."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in given
+    from animeme.errors import AnimemeError
+
+    try:
+        code = cli.main(given, prog_name="animeme", standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(EXIT_UNUSABLE)
+    except click.Abort:
+        click.echo("Stopped.", err=True)
+        sys.exit(130)
+    except AnimemeError as error:
+        _complain(str(error), debug)
+        sys.exit(EXIT_UNUSABLE)
+    except Exception as error:  # noqa: BLE001  the last line of defence: no traceback for users
+        _complain(
+            f"a fault of ours: {type(error).__name__}: {error}\n"
+            "Please report it, with what `animeme --debug …` prints.",
+            debug,
+        )
+        sys.exit(EXIT_OURS)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _complain(message: str, debug: bool) -> None:
+    if debug:
+        traceback.print_exc()
+    click.echo(f"animeme: {message}", err=True)

@@ -1,0 +1,117 @@
+"""``animeme run``."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.markdown import Markdown
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
+
+from animeme import api
+from animeme.executors.local import default_workers
+from animeme.job import read_job
+from animeme.runner import Listener, Progress
+
+# Where there is no terminal, a line this often.
+PLAIN_EVERY_S = 5.0
+
+
+@click.command("run", epilog="Example: animeme run sample_assets/job.toml --output /tmp/spoken")
+@click.argument("job", type=click.Path(path_type=Path))
+@click.option(
+    "--output", type=click.Path(path_type=Path), help="Output folder in place of the job's."
+)
+@click.option("--workers", type=click.IntRange(1), help="Processes; all processors by default.")
+@click.option(
+    "--executor",
+    type=click.Choice(["local", "inline"]),
+    default="local",
+    show_default=True,
+    help="local: supervised processes; inline: in this one, for debugging.",
+)
+@click.option(
+    "--fail-on",
+    type=click.Choice(["info", "warning", "error"]),
+    default="error",
+    show_default=True,
+    help="Severity of a finding that makes the exit code 1.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the report as JSON on stdout.")
+def command(
+    job: Path, output: Path | None, workers: int | None, executor: str, fail_on: str, as_json: bool
+) -> int:
+    """Run JOB: align its dialogue, animate its characters, write and check the assets.
+
+    The output folder gets <language>/<character>.glb (and .usdc), <character>.usda with a variant
+    per language, alignments/, report.json, summary.md and run.jsonl.
+    """
+    folder = output or read_job(job).output
+    with _progress() as listener:
+        report = api.run(
+            job,
+            output=folder,
+            executor="inline" if executor == "inline" else "local",
+            workers=workers,
+            fail_on=fail_on,
+            listener=listener,
+        )
+    summary = (folder / "summary.md").read_text(encoding="utf-8")
+    console = Console(stderr=True)
+    console.print(Markdown(summary) if console.is_terminal else summary, soft_wrap=True)
+    audio_s = sum({line.line: line.audio_s for line in report.lines}.values())
+    processes = 1 if executor == "inline" else workers or default_workers()
+    click.echo(
+        f"{len(report.lines)} lines in {report.wall_s:.1f} s on {processes} processors, "
+        f"{report.cpu_s:.1f} CPU-seconds for {audio_s:.1f} s of audio. Everything is in {folder}.",
+        err=True,
+    )
+    if as_json:
+        document = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+        effort = {"output": str(folder), "wall_s": report.wall_s, "cpu_s": report.cpu_s}
+        click.echo(json.dumps({**document, **effort}, ensure_ascii=False, indent=1))
+    return report.exit_code
+
+
+@contextmanager
+def _progress() -> Iterator[Listener]:
+    """A bar on a terminal, plain lines elsewhere; both on stderr."""
+    if not sys.stderr.isatty():
+        yield _PlainLines()
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[note]}"),
+    )
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        tasks = {stage: bar.add_task(stage, total=None, note="") for stage in ("lines", "assets")}
+
+        def listener(event: Progress) -> None:
+            note = f"{event.failed} failed" if event.failed else ""
+            bar.update(tasks[event.stage], completed=event.done, total=event.total, note=note)
+
+        yield listener
+
+
+class _PlainLines:
+    """A line of progress every few seconds, and one at the end of each stage."""
+
+    def __init__(self) -> None:
+        self.last = time.monotonic()
+
+    def __call__(self, event: Progress) -> None:
+        now = time.monotonic()
+        if now - self.last >= PLAIN_EVERY_S or event.done == event.total:
+            self.last = now
+            failed = f", {event.failed} failed" if event.failed else ""
+            click.echo(f"{event.stage}: {event.done}/{event.total}{failed}", err=True)

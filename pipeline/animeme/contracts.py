@@ -1,0 +1,241 @@
+"""What a plug-in has to offer: models, aligners, formats and checks.
+
+The engine knows none of them by name. Ours are registered through the same entry points as a
+studio's, and pass the same suites (`animeme.testing`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from animeme.curves import CurveSet
+from animeme.findings import Finding
+from animeme.phones import PhoneTrack
+from animeme.rig import BoundRig, Character
+
+
+@dataclass(frozen=True, eq=False)
+class Speech:
+    """A recording, ready for an aligner.
+
+    Attributes:
+        source: the file it was read from.
+        samples: mono, int16, shape (S,).
+        rate_hz: sampling rate of `samples`.
+        duration_s: length of the recording as delivered, before any resampling.
+        findings: what its reader noticed.
+    """
+
+    source: Path
+    samples: NDArray[np.int16]
+    rate_hz: int
+    duration_s: float
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """An aligner's answer: the phones, and what a person should know about them."""
+
+    track: PhoneTrack
+    findings: tuple[Finding, ...] = ()
+
+
+class Aligner(Protocol):
+    """Finds when each phone of a transcript is spoken.
+
+    Results depend on the arguments alone, never on what was aligned before.
+    """
+
+    name: ClassVar[str]
+
+    def languages(self) -> frozenset[str]:
+        """Primary language subtags that it can align ("en", "de", …)."""
+        ...
+
+    def align(self, speech: Speech, text: str, *, language: str) -> Alignment:
+        """Align `text` with `speech`.
+
+        Raises:
+            InputError: text or audio cannot be used, or do not belong together.
+        """
+        ...
+
+
+class Model(Protocol):
+    """Turns phones into control curves; knows nothing of rigs, files or audio."""
+
+    name: ClassVar[str]
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """Names of the curves that `synthesize` returns."""
+        ...
+
+    @classmethod
+    def default(cls) -> Self:
+        """The model as shipped, without training.
+
+        Raises:
+            InputError: this model works only when fitted.
+        """
+        ...
+
+    @classmethod
+    def from_document(cls, document: Mapping[str, Any]) -> Self:
+        """Rebuild a model from an ``animeme.model`` document.
+
+        Raises:
+            ValueError: the document does not fit this model.
+        """
+        ...
+
+    def to_document(self) -> dict[str, Any]:
+        """JSON-safe ``animeme.model`` document that rebuilds this model bit-exactly."""
+        ...
+
+    def synthesize(self, track: PhoneTrack, *, rate_hz: float) -> CurveSet:
+        """Curves over the whole track, sampled at `rate_hz` and wherever the model needs a key."""
+        ...
+
+
+@dataclass(frozen=True)
+class LineAnimation:
+    """One line's finished curves, on their way into an asset.
+
+    Attributes:
+        name: of the animation in the asset; unique within a file.
+        language: BCP-47 tag.
+        curves: over the character's canonical shape names (see `Character.canonical`).
+        duration_s: length of the recording; the animation ends there.
+    """
+
+    name: str
+    language: str
+    curves: CurveSet
+    duration_s: float
+
+
+class Format(Protocol):
+    """Reads characters from, and writes animation into, one family of asset files."""
+
+    name: ClassVar[str]
+    suffixes: ClassVar[tuple[str, ...]]
+    assembly_suffix: ClassVar[str]
+    """Suffix of the files of `write_assembly`, "" where the format has no such thing."""
+
+    def output_suffix(self, source: Path) -> str:
+        """Suffix of the files that `write` makes from `source`."""
+        ...
+
+    def load(self, path: Path) -> Character:
+        """The character in the file at `path`.
+
+        Raises:
+            InputError: the file is damaged, or has no blendshape that could be driven.
+        """
+        ...
+
+    def write(
+        self, character: Character, lines: Sequence[LineAnimation], target: Path
+    ) -> tuple[Path, ...]:
+        """Write `character` with one animation per line to `target`, atomically.
+
+        The source is only read. Shapes that no curve drives keep their rest weight.
+
+        Returns:
+            Every file written, `target` first.
+
+        Raises:
+            InputError: the asset cannot take the animation, or `target` cannot be written.
+        """
+        ...
+
+    def write_assembly(
+        self, character: Character, by_language: Mapping[str, Path], target: Path
+    ) -> tuple[Path, ...]:
+        """Join the files that `write` made for each language, where the format can.
+
+        Args:
+            character: whose they are.
+            by_language: language tag → a file that `write` made.
+            target: where to write.
+
+        Returns:
+            The files written; none where the format has no such thing.
+        """
+        ...
+
+    def read_animations(self, path: Path) -> dict[str, CurveSet]:
+        """Weight curves of every animation in the file, by name, over canonical shape names."""
+        ...
+
+    def harm(self, character: Character, output: Path) -> list[str]:
+        """What `output` lost or changed of the source: one sentence each, [] if nothing.
+
+        Raises:
+            InputError: `output` cannot be read.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class LineSubject:
+    """What a check of one line sees.
+
+    Attributes:
+        track: the aligned phones.
+        controls: the model's curves.
+        rig: the bound rig.
+        shapes: what will be written, after retargeting and key reduction.
+        rest: weight of each shape at rest.
+    """
+
+    track: PhoneTrack
+    controls: CurveSet
+    rig: BoundRig
+    shapes: CurveSet
+    rest: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class AssetSubject:
+    """What a check of one written file sees.
+
+    Attributes:
+        character: the source.
+        format: which wrote it.
+        output: the file.
+        lines: what should be in it.
+        max_error: key-reduction bound of the job, weight units.
+    """
+
+    character: Character
+    format: Format
+    output: Path
+    lines: tuple[LineAnimation, ...]
+    max_error: float
+
+
+class Check(Protocol):
+    """Judges one line's curves or one written asset.
+
+    Attributes:
+        id: permanent and unique.
+        subject: what `run` is given.
+        rationale: why it matters, for the person who reads the finding.
+    """
+
+    id: ClassVar[str]
+    subject: ClassVar[Literal["line", "asset"]]
+    rationale: ClassVar[str]
+
+    def run(self, subject: Any) -> Iterable[Finding]:
+        """Findings about `subject`; none if all is well."""
+        ...

@@ -1,0 +1,87 @@
+"""Recorded lines on disk."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from animeme.findings import Finding, Severity
+
+AUDIO_SUFFIXES = (".wav", ".flac", ".mp3", ".ogg", ".opus", ".aiff", ".aif")
+TEXT_SUFFIXES = (".txt", ".lab")
+
+
+@dataclass(frozen=True)
+class Line:
+    """One recording in one language.
+
+    Attributes:
+        id: path below the language (and character) folder, without suffix; ``/`` separates.
+        language: the folder's name, a BCP-47 tag.
+        character: whose line it is, "" for every character of the job.
+        audio: the recording.
+        transcript: its text.
+        findings: what its discovery noticed.
+    """
+
+    id: str
+    language: str
+    character: str
+    audio: Path
+    transcript: Path
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """``<language>/<id>``, or ``<language>/<character>/<id>`` for one character's line."""
+        return "/".join(part for part in (self.language, self.character, self.id) if part)
+
+
+def find_lines(root: Path, characters: Iterable[str]) -> tuple[Line, ...]:
+    """Lines below ``root/<language>/[character/]``, sorted by key.
+
+    A recording without transcript is a line, and so is a transcript without recording: what is
+    missing shows when it is read. A first folder that bears the name of a character belongs to it;
+    any other folder becomes part of the line's id.
+
+    Args:
+        root: the dialogue folder.
+        characters: names of the job's characters.
+    """
+    known = frozenset(characters)
+    groups: dict[tuple[str, str, str], list[Path]] = defaultdict(list)
+    for folder in sorted(entry for entry in root.iterdir() if entry.is_dir()):
+        for file in sorted(folder.rglob("*")):
+            relative = file.relative_to(folder)
+            hidden = any(part.startswith(".") for part in file.relative_to(root).parts)
+            if hidden or file.suffix.lower() not in AUDIO_SUFFIXES + TEXT_SUFFIXES:
+                continue
+            if not file.is_file():
+                continue
+            parts = relative.with_suffix("").parts
+            character = parts[0] if len(parts) > 1 and parts[0] in known else ""
+            name = "/".join(parts[1:] if character else parts)
+            groups[folder.name, character, name].append(file)
+    lines = [_line(*key, files) for key, files in groups.items()]
+    return tuple(sorted(lines, key=lambda line: line.key))
+
+
+def _line(language: str, character: str, name: str, files: list[Path]) -> Line:
+    audio = [file for file in files if file.suffix.lower() in AUDIO_SUFFIXES]
+    texts = [file for file in files if file.suffix.lower() in TEXT_SUFFIXES]
+    findings = []
+    for kind, found in (("recordings", audio), ("transcripts", texts)):
+        if len(found) > 1:
+            message = f"has {len(found)} {kind}: {', '.join(file.name for file in found)}"
+            action = "Keep one of them."
+            findings.append(Finding(Severity.ERROR, "line-duplicate", message, action=action))
+    return Line(
+        name,
+        language,
+        character,
+        audio[0] if audio else texts[0].with_suffix(".wav"),
+        texts[0] if texts else audio[0].with_suffix(".txt"),
+        tuple(findings),
+    )

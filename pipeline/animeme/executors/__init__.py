@@ -1,0 +1,77 @@
+"""Ways to run tasks, behind one protocol; all give the same results."""
+
+from __future__ import annotations
+
+import importlib
+import time
+import traceback
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+Outcome = Literal["ok", "error", "crash", "timeout"]
+
+
+@dataclass(frozen=True)
+class Result:
+    """How one task ended.
+
+    Attributes:
+        index: of the item, in the order they were given.
+        outcome: "ok"; "error" if the function raised; "crash" if its process died; "timeout".
+        value: what the function returned, None unless "ok".
+        error: what happened, for a log; "" if "ok".
+        attempt: 1 for the first.
+        wall_s, cpu_s: of that attempt; CPU time is 0 where its process died.
+    """
+
+    index: int
+    outcome: Outcome
+    value: Any
+    error: str
+    attempt: int
+    wall_s: float
+    cpu_s: float
+
+
+class Executor(Protocol):
+    """Runs one function over many items."""
+
+    def run(
+        self, function: str, items: Iterable[Any], *, timeout_s: float, retries: int
+    ) -> Iterator[Result]:
+        """Yield a result per item as it ends, in any order.
+
+        Args:
+            function: importable name, ``package.module:function``.
+            items: picklable arguments.
+            timeout_s: the longest one item may take; not every executor can enforce it.
+            retries: how often an item whose process died or hung is tried again.
+        """
+        ...
+
+
+def call(function: str, index: int, item: Any, attempt: int) -> Result:
+    """Run one task in this process and time it; an exception becomes an "error" result."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    outcome: Outcome = "ok"
+    value, error = None, ""
+    try:
+        value = resolve(function)(item)
+    except Exception:  # noqa: BLE001  whatever a plug-in raises must not stop the batch
+        outcome, error = "error", traceback.format_exc()
+    return Result(
+        index,
+        outcome,
+        value,
+        error,
+        attempt,
+        time.perf_counter() - wall,
+        time.process_time() - cpu,
+    )
+
+
+def resolve(function: str) -> Any:
+    """The function called ``package.module:function``."""
+    module, _, name = function.partition(":")
+    return getattr(importlib.import_module(module), name)

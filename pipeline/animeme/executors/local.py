@@ -1,0 +1,180 @@
+"""A supervised pool of local processes.
+
+Each child has a pipe of its own and one task in flight, so that a death or a hang is blamed on the
+task that caused it, and costs that task only. Children end with their parent: their pipe closes.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Any
+
+from animeme.executors import Outcome, Result, call
+
+# A task is small; threads of numerical libraries would only fight over the cores.
+_SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def default_workers() -> int:
+    """How many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@dataclass
+class _Task:
+    index: int
+    item: Any
+    attempt: int = 1
+
+
+class _Child:
+    """One process, the pipe to it, and what it is doing."""
+
+    def __init__(self, context: Any, function: str) -> None:
+        self.pipe, theirs = context.Pipe()
+        self.process: BaseProcess = context.Process(
+            target=_serve, args=(theirs, function), daemon=True
+        )
+        self.process.start()
+        theirs.close()
+        self.task: _Task | None = None
+        self.started = 0.0
+
+    def give(self, task: _Task) -> None:
+        self.task, self.started = task, time.monotonic()
+        self.pipe.send((task.index, task.item, task.attempt))
+
+    def end(self) -> None:
+        self.pipe.close()
+        self.process.join(timeout=5)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join()
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
+
+
+@dataclass(frozen=True)
+class LocalExecutor:
+    """Runs tasks in `workers` spawned processes.
+
+    Scripts that use it need the usual ``if __name__ == "__main__":`` guard of multiprocessing.
+    """
+
+    workers: int
+
+    def run(
+        self, function: str, items: Iterable[Any], *, timeout_s: float, retries: int
+    ) -> Iterator[Result]:
+        """Yield results as they come; see `animeme.executors.Executor`."""
+        waiting = deque(_Task(index, item) for index, item in enumerate(items))
+        context = multiprocessing.get_context("spawn")
+        children: list[_Child] = []
+        inherited = {name: os.environ.get(name) for name in _SINGLE_THREADED}
+        os.environ.update(dict.fromkeys(_SINGLE_THREADED, "1"))
+        try:
+            while waiting or any(child.task for child in children):
+                busy = sum(child.task is not None for child in children)
+                while len(children) < min(self.workers, busy + len(waiting)):
+                    children.append(_Child(context, function))
+                for child in children:
+                    if child.task is None and waiting:
+                        _hand_over(child, waiting)
+                for child in _ready(children, timeout_s):
+                    result = _collect(child, timeout_s)
+                    if result is None:
+                        continue
+                    if result.outcome in ("crash", "timeout"):
+                        children.remove(child)
+                        assert child.task is not None
+                        if result.attempt <= retries:
+                            waiting.append(
+                                _Task(child.task.index, child.task.item, result.attempt + 1)
+                            )
+                            continue
+                    child.task = None
+                    yield result
+        except BaseException:
+            for child in children:
+                child.kill()
+            raise
+        finally:
+            for child in children:
+                child.end()
+            for name, value in inherited.items():
+                if value is None:
+                    os.environ.pop(name, None)
+                else:
+                    os.environ[name] = value
+
+
+def _hand_over(child: _Child, waiting: deque[_Task]) -> None:
+    task = waiting.popleft()
+    try:
+        child.give(task)
+    except OSError:
+        # It died while idle; that is nobody's fault. `_collect` will find it gone.
+        child.task = None
+        waiting.appendleft(task)
+        child.process.join()
+
+
+def _ready(children: list[_Child], timeout_s: float) -> list[_Child]:
+    """Children that answered, died, or ran out of time; waits for the first."""
+    now = time.monotonic()
+    busy = [child for child in children if child.task]
+    patience = min((child.started + timeout_s - now for child in busy), default=0.0)
+    handles: list[Any] = [handle for c in busy for handle in (c.pipe, c.process.sentinel)]
+    woken = wait(handles, timeout=max(patience, 0.0)) if handles else []
+    now = time.monotonic()
+    return [
+        child
+        for child in busy
+        if child.pipe in woken
+        or child.process.sentinel in woken
+        or now >= child.started + timeout_s
+    ]
+
+
+def _collect(child: _Child, timeout_s: float) -> Result | None:
+    """The result of a child that is ready; the child is dead afterwards unless it answered."""
+    assert child.task is not None
+    try:
+        if child.pipe.poll():
+            result: Result = child.pipe.recv()
+            return result
+    except (EOFError, OSError):
+        pass
+    wall_s = time.monotonic() - child.started
+    if child.process.is_alive() and wall_s < timeout_s:
+        # Its pipe closed just before its end.
+        child.process.join(timeout=1)
+    outcome: Outcome = "crash"
+    if child.process.is_alive():
+        outcome, error = "timeout", f"took longer than {timeout_s:.0f} s"
+    else:
+        error = f"its process ended with exit code {child.process.exitcode}"
+    child.kill()
+    return Result(child.task.index, outcome, None, error, child.task.attempt, wall_s, 0.0)
+
+
+def _serve(pipe: Connection, function: str) -> None:
+    """Run in the child: one task after another until the parent's end of the pipe closes."""
+    try:
+        while True:
+            index, item, attempt = pipe.recv()
+            pipe.send(call(function, index, item, attempt))
+    except (EOFError, BrokenPipeError, KeyboardInterrupt):
+        return

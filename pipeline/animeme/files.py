@@ -1,0 +1,59 @@
+"""Files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from animeme.errors import InputError
+
+
+@contextmanager
+def atomic_path(target: Path) -> Iterator[Path]:
+    """Give a path beside `target` to write to, and rename it to `target` on success.
+
+    The file is flushed to disk before it takes its name, so that a crash of the machine leaves the
+    old file or the new one. The temporary keeps `target`'s suffix: writers that choose a format by
+    suffix work on it.
+
+    Raises:
+        InputError: the folder or the file cannot be written.
+    """
+    scratch = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")
+    try:
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            yield scratch
+            with scratch.open("rb+") as stream:
+                os.fsync(stream.fileno())
+            scratch.replace(target)
+        finally:
+            scratch.unlink(missing_ok=True)
+    except OSError as error:
+        raise unwritable(target, error) from error
+
+
+def unwritable(target: Path, error: OSError) -> InputError:
+    """The error to raise when `target` cannot be written."""
+    return InputError(
+        "output-unwritable",
+        f"cannot be written: {error.strerror or error}",
+        place=str(target),
+        action="Choose another output folder, or free space and permissions there.",
+    )
+
+
+def write_text(target: Path, text: str) -> None:
+    """Write `text` to `target` as UTF-8 with LF line ends, atomically."""
+    with atomic_path(target) as scratch:
+        scratch.write_text(text, encoding="utf-8", newline="\n")
+
+
+def sha256(path: Path) -> str:
+    """Hexadecimal SHA-256 of a file's content."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

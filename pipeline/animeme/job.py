@@ -1,0 +1,196 @@
+"""The job file: read, validated as a whole, frozen."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import ValidationError
+
+from animeme import registry
+from animeme.documents import JobDocument, problems_of, suggestion
+from animeme.errors import InputError, JobError, PluginError, Problem
+
+Layout = Literal["per-character", "per-line"]
+
+
+@dataclass(frozen=True)
+class CharacterJob:
+    """One character of a job.
+
+    Attributes:
+        name: in the job.
+        assets: its files, one per format.
+        rig: "auto", a shipped profile's name, or a file relative to the job.
+        layout: one file per language, or one per line.
+    """
+
+    name: str
+    assets: tuple[Path, ...]
+    rig: str
+    layout: Layout
+
+
+@dataclass(frozen=True)
+class Job:
+    """A validated job; every path absolute or relative to the working folder.
+
+    Attributes:
+        name: what reports call it.
+        source: the job file.
+        output: output folder.
+        dialogue_root: folder of the recordings.
+        aligner: name of the aligner.
+        model: name of the model, used if there is no `model_file`.
+        model_file: model document, or None.
+        rate_hz: sampling rate of the curves.
+        max_error: key-reduction bound in weight units.
+        characters: in the job file's order.
+    """
+
+    name: str
+    source: Path
+    output: Path
+    dialogue_root: Path
+    aligner: str
+    model: str
+    model_file: Path | None
+    rate_hz: float
+    max_error: float
+    characters: tuple[CharacterJob, ...]
+
+    @property
+    def folder(self) -> Path:
+        """The job file's folder, where its relative paths start."""
+        return self.source.parent
+
+
+def read_job(path: Path, *, output: Path | None = None) -> Job:
+    """Read and validate a job file.
+
+    Args:
+        path: the TOML file.
+        output: output folder in place of the job's own.
+
+    Raises:
+        JobError: everything that is wrong with it, each with its TOML path.
+    """
+    data = _parse(path)
+    problems: dict[str, Problem] = {}
+    try:
+        document = JobDocument.model_validate(data)
+    except ValidationError as error:
+        problems = {problem.path: problem for problem in problems_of(error, JobDocument)}
+    for problem in _problems(data, path.parent):
+        problems.setdefault(problem.path, problem)
+    if problems:
+        raise JobError(str(path), [problems[key] for key in sorted(problems)])
+    return _job(document, path, output)
+
+
+def _parse(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise JobError(str(path), [Problem("", "there is no such job file")]) from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise JobError(str(path), [Problem("", f"is not readable TOML: {error}")]) from error
+
+
+def _job(document: JobDocument, path: Path, output: Path | None) -> Job:
+    folder = path.parent
+    characters = tuple(
+        CharacterJob(name, tuple(folder / a for a in section.asset), section.rig, section.layout)
+        for name, section in document.characters.items()
+    )
+    model_file = folder / document.model.file if document.model.file else None
+    return Job(
+        name=document.job.name,
+        source=path,
+        output=output or folder / document.job.output,
+        dialogue_root=folder / document.dialogue.root,
+        aligner=document.align.aligner,
+        model=document.model.name,
+        model_file=model_file,
+        rate_hz=document.curves.rate_hz,
+        max_error=document.curves.max_error,
+        characters=characters,
+    )
+
+
+def _problems(data: Mapping[str, Any], folder: Path) -> Iterator[Problem]:
+    """What is wrong with the job's values, however much of its form is wrong too."""
+    root = _text(data, "dialogue", "root")
+    if root is not None and not (folder / root).is_dir():
+        yield Problem(
+            "dialogue.root", f"there is no folder '{root}'", "Paths start at the job file."
+        )
+    yield from _unknown_plugin(registry.ALIGNERS, "align.aligner", _text(data, "align", "aligner"))
+    yield from _unknown_plugin(registry.MODELS, "model.name", _text(data, "model", "name"))
+    file = _text(data, "model", "file")
+    if file is not None:
+        yield from _broken_model(folder / file)
+    characters = data.get("characters")
+    for name, section in characters.items() if isinstance(characters, dict) else ():
+        if not name or name.startswith(".") or set(name) & set('/\\:*?"<>|'):
+            yield Problem(f"characters.{name}", "the name cannot be a file's name")
+        if isinstance(section, dict):
+            yield from _character_problems(f"characters.{name}", section, folder)
+
+
+def _text(data: Mapping[str, Any], section: str, key: str) -> str | None:
+    table = data.get(section)
+    value = table.get(key) if isinstance(table, dict) else None
+    return value if isinstance(value, str) else None
+
+
+def _unknown_plugin(group: str, path: str, name: str | None) -> Iterator[Problem]:
+    known = registry.plugins(group)
+    if name is not None and name not in known:
+        kind = path.rpartition(".")[0]
+        yield Problem(path, f"there is no {kind} '{name}'", suggestion(name, known))
+
+
+def _broken_model(file: Path) -> Iterator[Problem]:
+    try:
+        registry.load_model(file=file)
+    except InputError as error:
+        yield Problem("model.file", f"{error.place}: {error.problem}", error.action)
+    except PluginError as error:
+        yield Problem("model.file", str(error))
+
+
+def _character_problems(path: str, section: Mapping[str, Any], folder: Path) -> Iterator[Problem]:
+    assets = section.get("asset")
+    assets = [assets] if isinstance(assets, str) else assets
+    suffixes: dict[str, str] = {}
+    for asset in assets if isinstance(assets, list) else ():
+        if not isinstance(asset, str):
+            continue
+        file = folder / asset
+        try:
+            suffix = registry.format_of(file).output_suffix(file)
+        except InputError as error:
+            yield Problem(f"{path}.asset", f"'{asset}': {error.problem}", error.action)
+            continue
+        if not file.is_file():
+            yield Problem(
+                f"{path}.asset", f"there is no file '{asset}'", "Paths start at the job file."
+            )
+        if suffix in suffixes:
+            clash = f"'{suffixes[suffix]}' and '{asset}' would be written to one file"
+            yield Problem(f"{path}.asset", clash, "Make them two characters.")
+        suffixes[suffix] = asset
+    rig = section.get("rig")
+    if isinstance(rig, str):
+        yield from _rig_problems(f"{path}.rig", rig, folder)
+
+
+def _rig_problems(path: str, rig: str, folder: Path) -> Iterator[Problem]:
+    try:
+        registry.stage("read-rig")(rig, folder)
+    except InputError as error:
+        yield Problem(path, f"{error.problem}", error.action)

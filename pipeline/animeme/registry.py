@@ -1,0 +1,164 @@
+"""Plug-ins: found through entry points, loaded when first used.
+
+Groups: ``animeme.models``, ``animeme.formats``, ``animeme.aligners``, ``animeme.checks``,
+``animeme.stages`` (the steps between them) and ``animeme.reports``. The name of the entry point is the name that jobs and command lines use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+from animeme import documents
+from animeme.contracts import Aligner, Check, Format, Model
+from animeme.documents import suggestion
+from animeme.errors import InputError, PluginError
+
+MODELS = "animeme.models"
+FORMATS = "animeme.formats"
+ALIGNERS = "animeme.aligners"
+CHECKS = "animeme.checks"
+STAGES = "animeme.stages"
+REPORTS = "animeme.reports"
+GROUPS = (MODELS, FORMATS, ALIGNERS, CHECKS, STAGES, REPORTS)
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """An entry point and the distribution that brought it."""
+
+    group: str
+    name: str
+    distribution: str
+    entry_point: EntryPoint
+
+    def load(self) -> Any:
+        """Import it.
+
+        Raises:
+            PluginError: the import failed; says which distribution to mend.
+        """
+        try:
+            return self.entry_point.load()
+        except Exception as error:
+            raise PluginError(
+                self.group,
+                self.name,
+                self.distribution,
+                f"failed to load: {type(error).__name__}: {error}",
+                "Mend or uninstall that distribution.",
+            ) from error
+
+
+@cache
+def plugins(group: str) -> dict[str, Plugin]:
+    """All plug-ins of a group by name, sorted.
+
+    Raises:
+        PluginError: two distributions claim one name.
+    """
+    found: dict[str, Plugin] = {}
+    for entry in entry_points(group=group):
+        distribution = entry.dist.name if entry.dist else ""
+        other = found.get(entry.name)
+        if other and other.entry_point.value != entry.value:
+            raise PluginError(
+                group,
+                entry.name,
+                distribution,
+                f"the name is also claimed by {other.distribution}",
+                "Uninstall one of the two.",
+            )
+        found[entry.name] = Plugin(group, entry.name, distribution, entry)
+    return dict(sorted(found.items()))
+
+
+def find(group: str, name: str) -> Plugin:
+    """The plug-in called `name`.
+
+    Raises:
+        PluginError: there is none; says which there are.
+    """
+    known = plugins(group)
+    if name in known:
+        return known[name]
+    raise PluginError(group, name, "", "there is no such plug-in", suggestion(name, known))
+
+
+@cache
+def aligner(name: str) -> Aligner:
+    """The aligner called `name`, made once per process."""
+    made: Aligner = find(ALIGNERS, name).load()()
+    return made
+
+
+def model_type(name: str) -> type[Model]:
+    """The model class called `name`."""
+    loaded: type[Model] = find(MODELS, name).load()
+    return loaded
+
+
+@cache
+def format_named(name: str) -> Format:
+    """The format called `name`."""
+    made: Format = find(FORMATS, name).load()()
+    return made
+
+
+def format_of(path: Path) -> Format:
+    """The format that takes files with `path`'s suffix.
+
+    Raises:
+        InputError: none does.
+    """
+    formats = [format_named(name) for name in plugins(FORMATS)]
+    for candidate in formats:
+        if path.suffix.lower() in candidate.suffixes:
+            return candidate
+    suffixes = sorted(suffix for candidate in formats for suffix in candidate.suffixes)
+    raise InputError(
+        "asset-format-unknown",
+        f"no format takes '{path.suffix}' files",
+        place=str(path),
+        action=f"Deliver the character as one of {', '.join(suffixes)}.",
+    )
+
+
+@cache
+def checks(subject: str) -> tuple[Check, ...]:
+    """The checks of one kind of subject ("line" or "asset"), sorted by id."""
+    made: list[Check] = [plugin.load()() for plugin in plugins(CHECKS).values()]
+    return tuple(sorted((c for c in made if c.subject == subject), key=lambda check: check.id))
+
+
+@cache
+def stage(name: str) -> Callable[..., Any]:
+    """The step called `name`; `animeme.contracts` says what each takes and gives."""
+    step: Callable[..., Any] = find(STAGES, name).load()
+    return step
+
+
+def load_model(name: str | None = None, *, file: Path | None = None) -> Model:
+    """A model as shipped, by name, or one that was saved as a document.
+
+    Raises:
+        PluginError: no such model is registered.
+        InputError: the document is broken, or the model works only when fitted.
+    """
+    if file is None:
+        return model_type(name or "").default()
+    document = documents.read("model", file)
+    kind = model_type(document["model"])
+    try:
+        return kind.from_document(document)
+    except ValueError as error:
+        raise InputError(
+            "model-invalid",
+            str(error),
+            place=str(file),
+            action="Train or export the model again.",
+        ) from error

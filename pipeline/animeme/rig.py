@@ -1,0 +1,142 @@
+"""Characters as animeme sees them, and profiles that say which control drives which shape."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class MeshShapes:
+    """The blendshapes of one mesh (glTF: of one node that instances it).
+
+    Attributes:
+        path: where it is: a glTF node as ``/nodes/4`` or a USD prim path.
+        name: for people.
+        shapes: shape names as the asset stores them, in the mesh's own order.
+        rest: weight of each shape when nothing drives it.
+    """
+
+    path: str
+    name: str
+    shapes: tuple[str, ...]
+    rest: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.shapes) != len(self.rest):
+            raise ValueError(f"{self.path}: {len(self.shapes)} shapes but {len(self.rest)} weights")
+
+
+@dataclass(frozen=True)
+class Character:
+    """A rigged asset: what it is called, where it lies, which shapes its meshes own.
+
+    Attributes:
+        source: the asset's file.
+        format: name of the registered format that read it.
+        meshes: every mesh that owns at least one shape, in file order.
+        animations: names of the animations it came with.
+    """
+
+    source: Path
+    format: str
+    meshes: tuple[MeshShapes, ...]
+    animations: tuple[str, ...] = ()
+    canonical: Mapping[str, str] = field(init=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "canonical", canonical_names([m.shapes for m in self.meshes]))
+
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """Distinct shape names, numbered copies folded into one, in order of appearance."""
+        return tuple(dict.fromkeys(self.canonical.values()))
+
+    def rest_weights(self) -> dict[str, float]:
+        """Weight of each of `shapes` at rest; the first mesh that owns a shape decides."""
+        rest: dict[str, float] = {}
+        for mesh in self.meshes:
+            for stored, weight in zip(mesh.shapes, mesh.rest, strict=True):
+                rest.setdefault(self.canonical[stored], weight)
+        return rest
+
+
+_NUMBERED = re.compile(r"^(?P<stem>.*[^\d.])\.?\d+$")
+
+
+def canonical_names(per_mesh: Sequence[Sequence[str]]) -> dict[str, str]:
+    """Map each stored shape name to the one it is a numbered copy of, or to itself.
+
+    Exporters that need unique names number them per mesh: ``jawOpen``, ``jawOpen2``, … A number is
+    dropped only where the bare name exists on another mesh and not on the same one, so ``viseme1``
+    and ``viseme2`` of one mesh stay apart.
+
+    Args:
+        per_mesh: the shape names of each mesh.
+    """
+    owners: dict[str, set[int]] = {}
+    for index, names in enumerate(per_mesh):
+        for name in names:
+            owners.setdefault(name, set()).add(index)
+    result: dict[str, str] = {}
+    for names in per_mesh:
+        for name in names:
+            match = _NUMBERED.match(name)
+            stem = match["stem"] if match else name
+            apart = stem in owners and not owners[stem] & owners[name]
+            result.setdefault(name, stem if apart else name)
+    return result
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One shape driven by a control: weight = gain × control (summed over controls)."""
+
+    shape: str
+    gain: float = 1.0
+
+
+@dataclass(frozen=True)
+class RigProfile:
+    """Which control drives which shapes of a rig, and within what limits.
+
+    Attributes:
+        name: the profile's name.
+        drives: per control, the shapes it moves.
+        limits: per shape (low, high); [0, 1] where nothing is said.
+        ceilings: per shape, the shape whose weight it may not exceed (ARKit's ``mouthClose`` undoes
+            ``jawOpen`` and pushes the lips through each other beyond it).
+    """
+
+    name: str
+    drives: Mapping[str, tuple[Drive, ...]]
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    ceilings: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """Distinct shapes that any control drives, in order of appearance."""
+        return tuple(dict.fromkeys(d.shape for drives in self.drives.values() for d in drives))
+
+
+@dataclass(frozen=True)
+class BoundRig:
+    """A profile matched to a character's actual shape names.
+
+    Attributes:
+        profile: the profile with its shapes renamed to the character's own.
+        mapped: profile shape → the character's shape.
+        missing: profile shapes that the character lacks.
+    """
+
+    profile: RigProfile
+    mapped: Mapping[str, str]
+    missing: tuple[str, ...]
+
+    @property
+    def coverage(self) -> float:
+        """Share of the profile's shapes that the character has, 0 to 1."""
+        total = len(self.mapped) + len(self.missing)
+        return len(self.mapped) / total if total else 0.0

@@ -1,0 +1,218 @@
+"""The two kinds of work in a run, as functions that any executor can call.
+
+What goes in and out is small: paths, names, findings. Curves travel through files in the run's
+spool folder.
+"""
+
+from __future__ import annotations
+
+import json
+import pickle
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from animeme import registry
+from animeme.contracts import Alignment, AssetSubject, LineAnimation, LineSubject, Speech
+from animeme.curves import CurveSet, reduce_keys
+from animeme.dialogue import Line
+from animeme.errors import InputError
+from animeme.files import unwritable, write_text
+from animeme.findings import Finding
+from animeme.rig import BoundRig, Character
+
+
+@dataclass(frozen=True)
+class Target:
+    """One asset of one character, ready to be driven.
+
+    Attributes:
+        character: the character's name in the job.
+        asset: what its format read.
+        rig: its bound profile.
+    """
+
+    character: str
+    asset: Character
+    rig: BoundRig
+
+
+@dataclass(frozen=True)
+class RunContext:
+    """What every task of a run shares.
+
+    Attributes:
+        targets: assets in the job's order.
+        aligner: name of the aligner.
+        model: name of the model, or None if there is a file.
+        model_file: model document.
+        rate_hz, max_error: of the curves.
+        output: the run's output folder.
+    """
+
+    targets: tuple[Target, ...]
+    aligner: str
+    model: str | None
+    model_file: Path | None
+    rate_hz: float
+    max_error: float
+    output: Path
+
+
+@dataclass(frozen=True)
+class LineItem:
+    """Work on one line: recording to shape curves.
+
+    Attributes:
+        line: the line.
+        targets: indices of the context's targets that speak it.
+        spool: the run's spool folder; it holds the context.
+        number: of the line, names its files in the spool.
+    """
+
+    line: Line
+    targets: tuple[int, ...]
+    spool: Path
+    number: int
+
+
+@dataclass(frozen=True)
+class LineOutcome:
+    """What became of a line.
+
+    Attributes:
+        audio_s: length of the recording, 0 if it could not be read.
+        findings: those of the line itself have no character; the others name theirs.
+    """
+
+    audio_s: float
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True)
+class AssetItem:
+    """Work on one file: curves of its lines into an asset.
+
+    Attributes:
+        target: index into the context's targets.
+        language: folder name and tag.
+        lines: (number of the line, animation name, length in seconds).
+        output: file to write.
+        spool: the run's spool folder.
+    """
+
+    target: int
+    language: str
+    lines: tuple[tuple[int, str, float], ...]
+    output: Path
+    spool: Path
+
+
+@dataclass(frozen=True)
+class AssetOutcome:
+    """What became of a file: the files written, and what its checks found."""
+
+    outputs: tuple[Path, ...]
+    findings: tuple[Finding, ...]
+
+
+def save_context(context: RunContext, spool: Path) -> None:
+    """Put the context where every worker finds it."""
+    (spool / "context.pickle").write_bytes(pickle.dumps(context))
+
+
+@lru_cache(maxsize=1)
+def _context(spool: Path) -> RunContext:
+    # Our own file, in a folder that only this user can write to.
+    context: RunContext = pickle.loads((spool / "context.pickle").read_bytes())
+    return context
+
+
+def make_line(item: LineItem) -> LineOutcome:
+    """Ingest, align, synthesize and retarget one line; its curves go to the spool."""
+    line, context = item.line, _context(item.spool)
+    findings = [replace(finding, line=line.key) for finding in line.findings]
+    if findings:
+        return LineOutcome(0.0, tuple(findings))
+    speech: Speech | None = None
+    try:
+        text: str = registry.stage("read-transcript")(line.transcript)
+        speech = registry.stage("read-speech")(line.audio)
+        assert speech is not None
+        aligner = registry.aligner(context.aligner)
+        alignment = aligner.align(speech, text, language=line.language)
+    except InputError as error:
+        audio_s = speech.duration_s if speech else 0.0
+        return LineOutcome(audio_s, (Finding.from_error(error, line=line.key),))
+    _save_alignment(context.output, line, alignment)
+    findings += [*speech.findings, *alignment.findings, *_animate(item, context, alignment)]
+    return LineOutcome(speech.duration_s, tuple(replace(f, line=line.key) for f in findings))
+
+
+def alignment_path(output: Path, line: Line) -> Path:
+    """Where a run puts a line's alignment."""
+    return output / "alignments" / f"{line.key}.json"
+
+
+def _save_alignment(output: Path, line: Line, alignment: Alignment) -> None:
+    document = json.dumps(alignment.track.to_document(), ensure_ascii=False, indent=1)
+    write_text(alignment_path(output, line), document + "\n")
+
+
+def _animate(item: LineItem, context: RunContext, alignment: Alignment) -> Iterator[Finding]:
+    model = registry.load_model(context.model, file=context.model_file)
+    controls = model.synthesize(alignment.track, rate_hz=context.rate_hz)
+    for index in item.targets:
+        target = context.targets[index]
+        rest = target.asset.rest_weights()
+        full: CurveSet = registry.stage("retarget")(controls, target.rig, rest)
+        shapes = reduce_keys(full, context.max_error)
+        subject = LineSubject(alignment.track, controls, target.rig, shapes, rest)
+        for check in registry.checks("line"):
+            for finding in check.run(subject):
+                yield replace(finding, character=target.character)
+        _save_curves(_spooled(item.spool, item.number, index), shapes)
+
+
+def _spooled(spool: Path, number: int, target: int) -> Path:
+    return spool / f"{number}-{target}.npz"
+
+
+def _save_curves(path: Path, curves: CurveSet) -> None:
+    try:
+        np.savez(path, times_s=curves.times_s, names=np.array(curves.names), weights=curves.weights)
+    except OSError as error:
+        raise unwritable(path, error) from error
+
+
+def _load_curves(path: Path) -> CurveSet:
+    with np.load(path, allow_pickle=False) as data:
+        names = tuple(str(name) for name in data["names"])
+        return CurveSet(data["times_s"], names, data["weights"])
+
+
+def write_asset(item: AssetItem) -> AssetOutcome:
+    """Write one asset with its lines, and check what was written."""
+    context = _context(item.spool)
+    target = context.targets[item.target]
+    form = registry.format_named(target.asset.format)
+    lines = tuple(
+        LineAnimation(
+            name, item.language, _load_curves(_spooled(item.spool, number, item.target)), length_s
+        )
+        for number, name, length_s in item.lines
+    )
+    try:
+        outputs = form.write(target.asset, lines, item.output)
+        subject = AssetSubject(target.asset, form, item.output, lines, context.max_error)
+        findings = tuple(
+            replace(finding, character=target.character)
+            for check in registry.checks("asset")
+            for finding in check.run(subject)
+        )
+    except InputError as error:
+        return AssetOutcome((), (Finding.from_error(error, character=target.character),))
+    return AssetOutcome(outputs, findings)

@@ -1,0 +1,1 @@
+"""Finding when each phone is spoken."""

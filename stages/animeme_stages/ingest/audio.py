@@ -1,0 +1,156 @@
+"""Recordings: decoded, checked, brought to one channel and rate."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import soundfile
+import soxr
+from numpy.typing import NDArray
+
+from animeme.contracts import Speech
+from animeme.errors import InputError
+from animeme.findings import Finding, Severity
+
+SPEECH_RATE_HZ = 16_000
+SUFFIXES = (".wav", ".flac", ".mp3", ".ogg", ".opus", ".aiff", ".aif")
+
+# Quieter than this at its loudest, no voice can be heard over a 16-bit recording's own noise.
+SILENT_PEAK_DBFS = -60.0
+# Shorter than any word.
+SHORTEST_S = 0.1
+
+
+def read_speech(path: Path) -> Speech:
+    """Read a recording for alignment.
+
+    Args:
+        path: any file that libsndfile decodes.
+
+    Returns:
+        The loudest channel at 16 kHz.
+
+    Raises:
+        InputError: missing, empty, damaged, truncated, silent or too short.
+    """
+    samples, rate_hz = _decode(path)
+    duration_s = len(samples) / rate_hz
+    findings: list[Finding] = []
+    if samples.shape[1] > 1:
+        channel = int(np.argmax(np.square(samples).sum(axis=0)))
+        message = f"{samples.shape[1]} channels; channel {channel + 1}, the loudest, is used"
+        findings.append(Finding(Severity.INFO, "audio-channels", message, place=str(path)))
+    else:
+        channel = 0
+    mono = samples[:, channel]
+    _require_voice(path, mono, duration_s)
+    if rate_hz != SPEECH_RATE_HZ:
+        mono = soxr.resample(mono, rate_hz, SPEECH_RATE_HZ)
+    if rate_hz < SPEECH_RATE_HZ:
+        message = f"recorded at {rate_hz} Hz: consonants are harder to place"
+        findings.append(Finding(Severity.INFO, "audio-narrowband", message, place=str(path)))
+    pcm = np.clip(np.round(mono * 32768.0), -32768, 32767).astype(np.int16)
+    return Speech(path, pcm, SPEECH_RATE_HZ, duration_s, tuple(findings))
+
+
+def _decode(path: Path) -> tuple[NDArray[np.float32], int]:
+    """All samples, shape (S, channels), and the rate in Hz."""
+    if not path.is_file():
+        raise InputError(
+            "audio-missing",
+            "there is no such recording",
+            place=str(path),
+            action="Deliver it, or take the line out of the folder.",
+        )
+    if path.stat().st_size == 0:
+        raise _empty(path)
+    _require_whole_wav(path)
+    try:
+        with soundfile.SoundFile(path) as stream:
+            promised = stream.frames
+            samples = stream.read(dtype="float32", always_2d=True)
+            rate_hz = int(stream.samplerate)
+    except (soundfile.SoundFileError, RuntimeError, ValueError) as error:
+        raise InputError(
+            "audio-unreadable",
+            f"cannot be decoded ({str(error).splitlines()[0].strip().rstrip('.')})",
+            place=str(path),
+            action="Export it again as WAV or FLAC.",
+        ) from error
+    if len(samples) == 0:
+        raise _empty(path)
+    if len(samples) < promised:
+        raise _truncated(path, f"{len(samples)} of {promised} samples are there")
+    if not np.isfinite(samples).all():
+        raise InputError(
+            "audio-unreadable",
+            "has samples that are not numbers",
+            place=str(path),
+            action="Export it again as WAV or FLAC.",
+        )
+    return samples, rate_hz
+
+
+def _require_voice(path: Path, mono: NDArray[np.float32], duration_s: float) -> None:
+    if duration_s < SHORTEST_S:
+        raise InputError(
+            "audio-too-short",
+            f"is {duration_s * 1000:.0f} ms long, too short for a word",
+            place=str(path),
+            action="Check the export range of the recording.",
+        )
+    peak_dbfs = 20 * np.log10(max(float(np.abs(mono).max()), 1e-9))
+    if peak_dbfs < SILENT_PEAK_DBFS:
+        raise InputError(
+            "audio-silent",
+            f"is silent (peak {peak_dbfs:.0f} dBFS)",
+            place=str(path),
+            action="Check the channel and the level of the export.",
+        )
+
+
+def _empty(path: Path) -> InputError:
+    return InputError(
+        "audio-empty",
+        "has no samples",
+        place=str(path),
+        action="Export the recording again.",
+    )
+
+
+def _truncated(path: Path, detail: str) -> InputError:
+    return InputError(
+        "audio-truncated",
+        f"was cut off: {detail}",
+        place=str(path),
+        action="Copy or export the recording again.",
+    )
+
+
+def _require_whole_wav(path: Path) -> None:
+    """Compare a RIFF file's header with its length: libsndfile takes a cut file for a short one."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        head = stream.read(12)
+        if len(head) < 12 or head[:4] not in (b"RIFF", b"RIFX") or head[8:12] != b"WAVE":
+            return
+        order = "<" if head[:4] == b"RIFF" else ">"
+        for name, start, length in _chunks(stream, order, size):
+            # Streamed files promise nothing: 0 or all ones.
+            if name == b"data" and length not in (0, 0xFFFFFFFF) and start + length > size:
+                raise _truncated(path, f"{size - start} of {length} bytes of sound are there")
+
+
+def _chunks(stream: BinaryIO, order: str, size: int) -> list[tuple[bytes, int, int]]:
+    """Name, offset and promised length of each chunk, up to the first that leaves the file."""
+    found = []
+    offset = 12
+    while offset + 8 <= size:
+        stream.seek(offset)
+        name, length = struct.unpack(f"{order}4sI", stream.read(8))
+        found.append((name, offset + 8, length))
+        offset += 8 + length + length % 2
+    return found

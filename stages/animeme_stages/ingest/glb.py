@@ -1,0 +1,129 @@
+"""The container around glTF's JSON: GLB chunks, or a bare ``.gltf`` file.
+
+Only headers and JSON are read; the binary chunk stays where it is.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from animeme.errors import InputError
+
+_MAGIC = b"glTF"
+_JSON = 0x4E4F534A
+_BIN = 0x004E4942
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A GLB chunk: its type, and where its data lies in the file."""
+
+    kind: int
+    start: int
+    length: int
+
+    @property
+    def is_bin(self) -> bool:
+        """Whether it is the binary buffer."""
+        return self.kind == _BIN
+
+
+@dataclass(frozen=True)
+class Container:
+    """A glTF file taken apart.
+
+    Attributes:
+        path: the file.
+        text: its JSON, exactly as stored (padding of the chunk removed).
+        json: the same, parsed.
+        chunks: of a GLB, those after the JSON, in order; () for a ``.gltf``.
+        binary: whether it is a GLB.
+    """
+
+    path: Path
+    text: str
+    json: dict[str, Any]
+    chunks: tuple[Chunk, ...]
+    binary: bool
+
+    @property
+    def bin(self) -> Chunk | None:
+        """The binary chunk, if there is one."""
+        return self.chunks[0] if self.chunks and self.chunks[0].is_bin else None
+
+
+def unreadable(path: Path, problem: str) -> InputError:
+    """The error for a file that is not a sound asset."""
+    return InputError(
+        "asset-unreadable",
+        problem,
+        place=str(path),
+        action="Export or copy the asset again.",
+    )
+
+
+def open_container(path: Path) -> Container:
+    """Take a ``.glb``, ``.vrm`` or ``.gltf`` file apart.
+
+    Raises:
+        InputError: missing, truncated, or not glTF 2.0.
+    """
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(12)
+            if head[:4] == _MAGIC:
+                chunks = _chunks(path, stream, head)
+                stream.seek(chunks[0].start)
+                data, rest = stream.read(chunks[0].length), chunks[1:]
+            else:
+                data, rest = head + stream.read(), ()
+    except OSError as error:
+        raise unreadable(path, f"cannot be read ({error.strerror})") from error
+    text, parsed = _parse(path, data)
+    return Container(path, text, parsed, rest, head[:4] == _MAGIC)
+
+
+def _chunks(path: Path, stream: Any, head: bytes) -> tuple[Chunk, ...]:
+    size = path.stat().st_size
+    if len(head) < 12:
+        raise unreadable(path, "is cut off within its header")
+    version, promised = struct.unpack("<II", head[4:])
+    if version != 2:
+        raise unreadable(path, f"is glTF version {version}; only 2 is known")
+    if promised != size:
+        raise unreadable(path, f"has {size} bytes, but its header says {promised}")
+    found: list[Chunk] = []
+    offset = 12
+    while offset < size:
+        stream.seek(offset)
+        header = stream.read(8)
+        if len(header) < 8:
+            raise unreadable(path, f"is cut off at byte {offset}, within a chunk's header")
+        length, kind = struct.unpack("<II", header)
+        if offset + 8 + length > size:
+            raise unreadable(path, f"has a chunk at byte {offset} that leaves the file")
+        found.append(Chunk(kind, offset + 8, length))
+        offset += 8 + length
+    if not found or found[0].kind != _JSON:
+        raise unreadable(path, "does not begin with a JSON chunk")
+    return tuple(found)
+
+
+def _parse(path: Path, data: bytes) -> tuple[str, dict[str, Any]]:
+    try:
+        text = data.decode("utf-8").rstrip(" \0\r\n\t")
+        parsed = json.loads(text)
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise unreadable(path, f"holds no JSON ({error})") from error
+    if not isinstance(parsed, dict):
+        raise unreadable(path, "holds JSON that is not an object")
+    version = (
+        parsed.get("asset", {}).get("version") if isinstance(parsed.get("asset"), dict) else None
+    )
+    if not str(version).startswith("2."):
+        raise unreadable(path, f"says asset.version {version!r}; only 2.x is known")
+    return text, parsed

@@ -1,0 +1,80 @@
+"""Characters in glTF: which nodes own which morph targets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from animeme.errors import InputError
+from animeme.rig import Character, MeshShapes
+from animeme_stages.ingest.glb import open_container, unreadable
+
+FORMAT = "gltf"
+
+
+def load_gltf(path: Path) -> Character:
+    """The character in a glTF file.
+
+    Every node that instances a mesh with morph targets counts as a mesh of the character, as each
+    has weights of its own.
+
+    Raises:
+        InputError: damaged, or without morph targets.
+    """
+    root = open_container(path).json
+    try:
+        meshes = tuple(_meshes(root))
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+        raise unreadable(path, f"has broken nodes or meshes ({error!r})") from error
+    if not meshes:
+        raise InputError(
+            "asset-no-blendshapes",
+            "has no mesh with morph targets, so no face that could speak",
+            place=str(path),
+            action="Export the character with its morph targets (shape keys, blendshapes).",
+        )
+    names = [str(a.get("name", f"animation {i}")) for i, a in enumerate(root.get("animations", []))]
+    return Character(path, FORMAT, meshes, tuple(names))
+
+
+def _meshes(root: Mapping[str, Any]) -> list[MeshShapes]:
+    found = []
+    for index, node in enumerate(root.get("nodes", [])):
+        if "mesh" not in node:
+            continue
+        mesh = root["meshes"][node["mesh"]]
+        count = max((len(p.get("targets", [])) for p in mesh["primitives"]), default=0)
+        if not count:
+            continue
+        rest = node.get("weights") or mesh.get("weights") or [0.0] * count
+        name = node.get("name") or mesh.get("name") or f"node {index}"
+        shapes = target_names(mesh, count)
+        found.append(MeshShapes(f"/nodes/{index}", name, shapes, tuple(float(w) for w in rest)))
+    return found
+
+
+def target_names(mesh: Mapping[str, Any], count: int) -> tuple[str, ...]:
+    """Names of a mesh's targets: its own extras, else those of its primitives, else numbers.
+
+    Args:
+        mesh: glTF mesh object.
+        count: how many targets it has.
+    """
+    carriers: Sequence[Mapping[str, Any]] = [mesh, *mesh["primitives"]]
+    for carrier in carriers:
+        extras = carrier.get("extras")
+        names = extras.get("targetNames") if isinstance(extras, dict) else None
+        if isinstance(names, list) and len(names) == count:
+            return _distinct(tuple(str(name) for name in names))
+    return tuple(f"target_{index}" for index in range(count))
+
+
+def _distinct(names: tuple[str, ...]) -> tuple[str, ...]:
+    """`names` with a number on every repetition, so that each target can be told apart."""
+    seen: dict[str, int] = {}
+    result = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        result.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
+    return tuple(result)

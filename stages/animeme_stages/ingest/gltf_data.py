@@ -1,0 +1,161 @@
+"""What glTF buffers hold: URIs made safe, float accessors, weight animations."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path, PurePosixPath
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+import numpy as np
+from numpy.typing import NDArray
+
+from animeme.curves import CurveSet
+from animeme.errors import InputError
+from animeme.rig import Character
+from animeme_stages.ingest.glb import Container, unreadable
+
+_FLOAT = 5126
+_WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+
+def local_file(path: Path, uri: str) -> Path:
+    """The file that a URI of the asset at `path` names, always within the asset's folder.
+
+    Raises:
+        InputError: the URI is absolute, names a host, or leaves the folder.
+    """
+    parts = urlsplit(uri)
+    inner = PurePosixPath(unquote(parts.path))
+    windows_root = ":" in inner.parts[0] if inner.parts else True
+    if (
+        parts.scheme
+        or parts.netloc
+        or inner.is_absolute()
+        or ".." in inner.parts
+        or "\\" in str(inner)
+        or windows_root
+    ):
+        raise InputError(
+            "asset-uri-refused",
+            f"refers to '{uri[:120]}', which is outside its own folder",
+            place=str(path),
+            action="Put the file beside the asset and use a relative URI.",
+        )
+    return path.parent.joinpath(*inner.parts)
+
+
+def external_uris(root: Mapping[str, Any]) -> list[str]:
+    """URIs of buffers and images that live in files of their own, in order, each once."""
+    holders = [*root.get("buffers", []), *root.get("images", [])]
+    uris = [holder["uri"] for holder in holders if isinstance(holder.get("uri"), str)]
+    return list(dict.fromkeys(uri for uri in uris if not uri.startswith("data:")))
+
+
+class Buffers:
+    """Reads float accessors of one container; each buffer is read once, when first needed."""
+
+    def __init__(self, container: Container) -> None:
+        self.container = container
+        self._loaded: dict[int, memoryview] = {}
+
+    @cached_property
+    def _bin(self) -> memoryview:
+        chunk = self.container.bin
+        if chunk is None:
+            raise unreadable(self.container.path, "has a buffer without data")
+        data = np.memmap(self.container.path, np.uint8, "r", chunk.start, (chunk.length,))
+        return data.data
+
+    def floats(self, index: int) -> NDArray[np.float32]:
+        """A dense float accessor, shape (count, components).
+
+        Raises:
+            InputError: it is of another type, or leaves its buffer.
+        """
+        root = self.container.json
+        accessor = root["accessors"][index]
+        if accessor["componentType"] != _FLOAT or "bufferView" not in accessor:
+            raise unreadable(self.container.path, f"accessor {index} is not dense floats")
+        view = root["bufferViews"][accessor["bufferView"]]
+        width = _WIDTH[accessor["type"]]
+        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        data = self._buffer(view["buffer"])
+        size = accessor["count"] * width * 4
+        if size < 0 or start + size > len(data):
+            raise unreadable(self.container.path, f"accessor {index} leaves its buffer")
+        return np.frombuffer(data, np.float32, size // 4, start).reshape(-1, width)
+
+    def _buffer(self, index: int) -> memoryview:
+        if index not in self._loaded:
+            uri = self.container.json["buffers"][index].get("uri")
+            if uri is None:
+                self._loaded[index] = self._bin
+            elif uri.startswith("data:"):
+                self._loaded[index] = self._embedded(uri)
+            else:
+                file = local_file(self.container.path, uri)
+                try:
+                    self._loaded[index] = memoryview(file.read_bytes())
+                except OSError as error:
+                    raise unreadable(file, f"cannot be read ({error.strerror})") from error
+        return self._loaded[index]
+
+    def _embedded(self, uri: str) -> memoryview:
+        try:
+            return memoryview(base64.b64decode(uri.partition(",")[2], validate=True))
+        except binascii.Error as error:
+            raise unreadable(
+                self.container.path, "has an embedded buffer that is no base64"
+            ) from error
+
+
+def weight_animations(container: Container, character: Character) -> dict[str, CurveSet]:
+    """Weight curves of every linear animation, over canonical shape names.
+
+    Raises:
+        InputError: an animation's data is broken.
+    """
+    buffers = Buffers(container)
+    found: dict[str, CurveSet] = {}
+    for index, animation in enumerate(container.json.get("animations", [])):
+        times_s: NDArray[np.float32] | None = None
+        columns: dict[str, NDArray[np.float32]] = {}
+        for sampler, names in _weight_channels(animation, character):
+            keys = buffers.floats(sampler["input"])[:, 0]
+            values = buffers.floats(sampler["output"]).reshape(len(keys), -1)
+            if values.shape[1] != len(names):
+                raise unreadable(container.path, f"animation {index} has a wrong count of weights")
+            if times_s is None:
+                times_s = keys
+            if np.array_equal(times_s, keys):
+                for column, name in enumerate(names):
+                    columns.setdefault(name, values[:, column])
+        if times_s is not None:
+            name = str(animation.get("name", f"animation {index}"))
+            weights = np.stack(list(columns.values()), axis=1).astype(np.float64)
+            try:
+                found[name] = CurveSet(times_s.astype(np.float64), tuple(columns), weights)
+            except ValueError as error:
+                raise unreadable(container.path, f"animation '{name}': {error}") from error
+    return found
+
+
+def _weight_channels(
+    animation: Mapping[str, Any], character: Character
+) -> Iterator[tuple[Mapping[str, Any], list[str]]]:
+    """Sampler and canonical target names of each linear weights channel."""
+    meshes = {mesh.path: mesh for mesh in character.meshes}
+    for channel in animation["channels"]:
+        target = channel["target"]
+        mesh = meshes.get(f"/nodes/{target.get('node')}")
+        sampler = animation["samplers"][channel["sampler"]]
+        if (
+            target["path"] == "weights"
+            and mesh
+            and sampler.get("interpolation", "LINEAR") == "LINEAR"
+        ):
+            yield sampler, [character.canonical[name] for name in mesh.shapes]

@@ -1,0 +1,1 @@
+"""Turning control curves into a rig's shape curves."""

@@ -1,0 +1,1 @@
+"""Turning phones into control curves."""

@@ -1,0 +1,118 @@
+"""USD characters: dialogue as an override layer beside the untouched source."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import ClassVar
+
+from pxr import Sdf, Usd
+
+from animeme.contracts import LineAnimation
+from animeme.curves import CurveSet
+from animeme.rig import Character
+from animeme_stages.ingest.usd import load_usd, open_stage, usd_errors
+from animeme_stages.write import usd_harm, usd_layer, usd_read
+from animeme_stages.write.usd_plan import Host, plan
+
+
+class UsdFormat:
+    """USD in all of its suffixes.
+
+    A written layer sublayers the source by relative path. Below the character's prim it defines
+    ``Dialogue``, one SkelAnimation per line (and per skeleton, where there are several), built
+    upon the animation that the skeleton came with; the variant set ``dialogueLine`` chooses one.
+    """
+
+    name: ClassVar[str] = "usd"
+    suffixes: ClassVar[tuple[str, ...]] = (".usda", ".usdc", ".usd", ".usdz")
+    assembly_suffix: ClassVar[str] = ".usda"
+
+    def output_suffix(self, source: Path) -> str:
+        """Text beside a text source, to read; else binary, for delivery."""
+        return ".usda" if source.suffix.lower() == ".usda" else ".usdc"
+
+    def load(self, path: Path) -> Character:
+        """The character in the file at `path`.
+
+        Raises:
+            InputError: ``asset-unreadable``, ``asset-no-blendshapes``, ``asset-no-skeleton`` or
+                ``asset-instanced``.
+        """
+        return load_usd(path)
+
+    def write(
+        self, character: Character, lines: Sequence[LineAnimation], target: Path
+    ) -> tuple[Path, ...]:
+        """Write `lines` to an override layer at `target`: text for ``.usda``, else binary.
+
+        Raises:
+            InputError: the source cannot be read, or `target` cannot be written.
+            ValueError: no lines, two of one name, or a curve for a shape that `character` lacks.
+        """
+        _require_distinct(lines)
+        for line in lines:
+            if strange := set(line.curves.names) - set(character.shapes):
+                raise ValueError(f"{line.name}: no such shapes: {', '.join(sorted(strange))}")
+        stage, hosts = _planned(character)
+        end_s = max(line.duration_s for line in lines)
+        layer = usd_layer.override_layer(character.source, stage, target, end_s=end_s)
+        with Sdf.ChangeBlock():
+            for host in hosts:
+                usd_layer.add_lines(layer, host, character, lines)
+                usd_layer.bind_pointers(layer, stage, host)
+        usd_layer.export(layer, target)
+        return (target,)
+
+    def write_assembly(
+        self, character: Character, by_language: Mapping[str, Path], target: Path
+    ) -> tuple[Path, ...]:
+        """Write a small layer at `target` that joins the languages in a variant set.
+
+        Raises:
+            InputError: the source or a language's file cannot be read, or `target` not written.
+        """
+        if not by_language:
+            return ()
+        stage, hosts = _planned(character)
+        ends_s = []
+        for path in by_language.values():
+            spoken = open_stage(path)
+            ends_s.append(spoken.GetEndTimeCode() / spoken.GetTimeCodesPerSecond())
+        layer = usd_layer.override_layer(character.source, stage, target, end_s=max(ends_s))
+        for host in hosts:
+            usd_layer.add_languages(layer, host, by_language, target)
+            usd_layer.bind_pointers(layer, stage, host)
+        usd_layer.export(layer, target)
+        return (target,)
+
+    def read_animations(self, path: Path) -> dict[str, CurveSet]:
+        """Weight curves of every animation in the file, by line or prim name.
+
+        Raises:
+            InputError: ``asset-unreadable``; ``asset-animation-invalid``: weights do not fit.
+        """
+        return usd_read.read_animations(path)
+
+    def harm(self, character: Character, output: Path) -> list[str]:
+        """What `output` lost or changed of the character's source: one sentence each.
+
+        Raises:
+            InputError: ``asset-unreadable``.
+        """
+        return usd_harm.harm(character, output)
+
+
+def _planned(character: Character) -> tuple[Usd.Stage, tuple[Host, ...]]:
+    """The source's stage, and where its dialogue goes."""
+    stage = open_stage(character.source)
+    with usd_errors(character.source):
+        return stage, plan(character, stage)
+
+
+def _require_distinct(lines: Sequence[LineAnimation]) -> None:
+    names = [line.name for line in lines]
+    if not names:
+        raise ValueError("no lines to write")
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise ValueError(f"line names must be distinct; repeated: {', '.join(twice)}")
