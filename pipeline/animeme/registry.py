@@ -1,7 +1,8 @@
 """Plug-ins: found through entry points, loaded when first used.
 
 Groups: ``animeme.models``, ``animeme.formats``, ``animeme.aligners``, ``animeme.checks``,
-``animeme.stages`` (the steps between them) and ``animeme.reports``. The name of the entry point is the name that jobs and command lines use.
+``animeme.stages`` (the steps between them) and ``animeme.reports``. The name of the entry point is
+the name that jobs and command lines use.
 """
 
 from __future__ import annotations

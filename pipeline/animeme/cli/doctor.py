@@ -41,14 +41,13 @@ def command(as_json: bool) -> int:
 def examine() -> dict[str, Any]:
     """What is installed: versions, extras, plug-ins and what is wrong with each."""
     needed = [Requirement(text) for text in requires("animeme") or ()]
+    extras: list[str] = metadata("animeme").get_all("Provides-Extra") or []
     core = [requirement for requirement in needed if requirement.marker is None]
     return {
         "animeme": version("animeme"),
         "python": platform.python_version(),
         "core": {requirement.name: _version(requirement.name) for requirement in core},
-        "extras": [
-            _extra(name, needed) for name in metadata("animeme").get_all("Provides-Extra") or ()
-        ],
+        "extras": [_extra(name, needed) for name in extras],
         "plugins": [_plugin(p) for g in registry.GROUPS for p in registry.plugins(g).values()],
     }
 

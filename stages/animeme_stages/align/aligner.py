@@ -30,8 +30,8 @@ OFFSET_S = (0.025625 - FRAME_S) / 2
 # Every phone model has three states of at least one frame each.
 SHORTEST_PHONE_S = 3 * FRAME_S
 
-# A language's own beams are narrow enough to reject most wrong transcripts; wide ones accept 83 % of
-# them. So wide is for what narrow rejects, and its result is only ever "for review".
+# A language's own beams are narrow enough to reject most wrong transcripts; wide ones accept 83 %
+# of them. So wide is for what narrow rejects, and its result is only ever "for review".
 WIDE = {"beam": 1e-200, "pbeam": 1e-200, "wbeam": 1e-200}
 
 

@@ -48,8 +48,8 @@ def tokens(text: str, language: Language) -> list[Token]:
             spoken = _number_words(match["number"], language)
         else:
             spoken = language.symbols.get(match["sign"], "")
-        for word in spoken.lower().replace("-", " ").replace(",", " ").split():
-            found.append(Token(word, match.start(), match.end()))
+        words = spoken.lower().replace("-", " ").replace(",", " ").split()
+        found += [Token(word, match.start(), match.end()) for word in words]
     return found
 
 

@@ -19,9 +19,10 @@ def harm(source: Container, output: Container) -> list[str]:
     """
     old, new = _exact(source.text), _exact(output.text)
     found = list(_changes(old, new, ""))
-    if source.bin is not None:
-        if output.bin is None or not _is_prefix(source, source.bin, output, output.bin):
-            found.append("the old binary chunk is not the beginning of the new one")
+    if source.bin is not None and not (
+        output.bin is not None and _is_prefix(source, source.bin, output, output.bin)
+    ):
+        found.append("the old binary chunk is not the beginning of the new one")
     others = [chunk for chunk in source.chunks if chunk is not source.bin]
     theirs = [chunk for chunk in output.chunks if chunk is not output.bin]
     kept = len(others) == len(theirs) and all(

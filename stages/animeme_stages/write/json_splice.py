@@ -29,7 +29,7 @@ class Splice:
     _members: dict[int, dict[str, tuple[int, int]]] = field(default_factory=dict)
 
     def members(self, start: int = 0) -> dict[str, tuple[int, int]]:
-        """Span [from, to) of each member's value in the object at `start`; the last of a key wins."""
+        """Span [from, to) of each member's value in the object at `start`; of twins, the last."""
         if start not in self._members:
             self._members[start] = self._scan_members(start)
         return self._members[start]
