@@ -264,7 +264,7 @@ def read(kind: str, path: Path) -> dict[str, Any]:
             action="Give the right kind of document; a newer version needs a newer animeme.",
         )
     try:
-        return KINDS[kind].model_validate(data).model_dump(by_alias=True)
+        return KINDS[kind].model_validate(data).model_dump(mode="json", by_alias=True)
     except ValidationError as error:
         problems = "; ".join(str(problem) for problem in problems_of(error, KINDS[kind]))
         raise InputError(

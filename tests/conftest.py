@@ -1,0 +1,54 @@
+"""Fixtures that several test files share; the expensive ones are made once per process."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+import animeme
+from animeme.findings import RunReport
+
+ROOT = Path(__file__).parents[1]
+SAMPLE = ROOT / "sample_assets"
+LANGUAGES = ("de", "en", "es")
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder of real data and assets; skips where it is absent."""
+    folder = ROOT.parent / "shared"
+    if not (folder / "assets").is_dir():
+        pytest.skip("no ../shared with real data and assets beside this checkout")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def sample_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RunReport, Path]:
+    """The sample job, run once: its report and its output folder."""
+    output = tmp_path_factory.mktemp("sample") / "out"
+    return animeme.run(SAMPLE / "job.toml", output=output), output
+
+
+@pytest.fixture(scope="session")
+def ict_run(
+    tmp_path_factory: pytest.TempPathFactory, shared: Path
+) -> tuple[RunReport, Path, list[Path]]:
+    """Fifty real lines on the ICT head in both formats: report, output, the two sources."""
+    folder = tmp_path_factory.mktemp("ict")
+    lines = sorted((shared / "data" / "grid-s1" / "lines").glob("*.flac"))[:50]
+    (folder / "dialogue" / "en").mkdir(parents=True)
+    for line in lines:
+        for file in (line, line.with_suffix(".txt")):
+            shutil.copyfile(file, folder / "dialogue" / "en" / file.name)
+    sources = [
+        shared / "assets" / "ict" / f"ict_multimesh_speech{suffix}" for suffix in (".glb", ".usdc")
+    ]
+    (folder / "job.toml").write_text(
+        '[job]\nname = "ict"\n[dialogue]\nroot = "dialogue"\n[characters.ict]\n'
+        f"asset = {[str(source) for source in sources]}\n",
+        encoding="utf-8",
+    )
+    output = folder / "out"
+    return animeme.run(folder / "job.toml", output=output), output, sources

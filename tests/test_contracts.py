@@ -1,0 +1,45 @@
+"""Every plug-in of ours passes the suites that a studio's has to pass."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from animeme import registry, testing
+from animeme_stages.ingest.audio import read_speech
+from conftest import SAMPLE
+
+
+@pytest.mark.parametrize("name", sorted(registry.plugins(registry.MODELS)))
+def test_models(name: str) -> None:
+    testing.check_model(registry.model_type(name).default())
+
+
+@pytest.mark.parametrize("name", sorted(registry.plugins(registry.ALIGNERS)))
+@pytest.mark.parametrize("language", ["en", "de", "es"])
+def test_aligners(name: str, language: str) -> None:
+    folder = SAMPLE / "dialogue" / language
+    text = (folder / "boat.txt").read_text(encoding="utf-8").strip()
+    speech = read_speech(folder / "boat.wav")
+    testing.check_aligner(registry.aligner(name), speech, text, language=language)
+
+
+@pytest.mark.parametrize("asset", ["ada.glb", "ada.usdc", "crab.glb", "crab.usdc"])
+def test_formats(asset: str, tmp_path: Path) -> None:
+    path = SAMPLE / asset
+    testing.check_format(registry.format_of(path), path, tmp_path)
+
+
+@pytest.mark.parametrize("subject", ["line", "asset"])
+def test_checks(subject: str) -> None:
+    found = registry.checks(subject)
+    assert found
+    for check in found:
+        testing.check_check(check)
+
+
+def test_no_two_checks_share_an_id() -> None:
+    ids = [check.id for subject in ("line", "asset") for check in registry.checks(subject)]
+    assert len(set(ids)) == len(ids)
+    assert set(ids) == set(registry.plugins(registry.CHECKS))
