@@ -1,8 +1,8 @@
-"""Render glTF characters to pictures, without a graphics card.
+r"""Render glTF characters to pictures, without a graphics card.
 
 Examples:
     python sample_assets/render.py ada.glb --weights jawOpen=0.5 --crop head --output aa.png
-    python sample_assets/render.py talk.glb --animation Line1 --times 0.1 0.3 --labels m aa \\
+    python sample_assets/render.py talk.glb --animation Line1 --times 0.1 0.3 --labels m aa \
         --crop mouth --output strip.png
 """
 
@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+
 from preview.scene import Scene, SceneMesh, Weights, load_scene, weights_of
 from preview.shade import Camera, picture
 
@@ -72,7 +73,8 @@ def camera_for(
         width = float(np.linalg.norm(left - right))
         above = {"mouth": -0.08, "face": 0.85, "head": 1.05}[crop] * width
         height = {"mouth": 1.75, "face": 4.3, "head": 6.2}[crop] * width / min(aspect, 1.0)
-        middle = (left + right) / 2 + [0.0, above, -0.2 * width]
+        behind = {"mouth": 0.2, "face": 1.0, "head": 1.5}[crop] * width
+        middle = (left + right) / 2 + [0.0, above, -behind]
     x, y, z = (float(v) for v in middle)
     return Camera((x, y, z), 6.0 * height if crop == "mouth" else 4.0 * height, height, yaw, pitch)
 

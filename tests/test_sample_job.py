@@ -82,11 +82,12 @@ def test_usd_plays_the_same_weights_as_gltf(sample_run: Run, language: str, char
         select(assembly, dialogueLanguage=language, dialogueLine=line)
         for stage in (layer, assembly):
             usd = usd_weights(stage, at_s)
-            assert set(usd) == set(gltf)
-            for mesh, shapes in gltf.items():
-                assert set(usd[mesh]) == set(shapes)
+            assert set(usd) >= set(gltf)
+            for mesh, shapes in usd.items():
                 for shape, weights in shapes.items():
-                    np.testing.assert_allclose(usd[mesh][shape], weights, atol=0.003)
+                    # glTF animates only meshes that own a driven shape; the others rest at 0.
+                    expected = gltf[mesh][shape] if mesh in gltf else np.zeros(20)
+                    np.testing.assert_allclose(weights, expected, atol=0.003)
 
 
 def test_curves_move(sample_run: Run) -> None:
