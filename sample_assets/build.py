@@ -1,4 +1,4 @@
-"""Build the sample characters from code.
+"""Build the sample characters and their dialogue from code.
 
 Run ``python sample_assets/build.py`` to write them next to this file. Every run gives the same
 bytes.
@@ -15,6 +15,7 @@ from sculpt.crab import build_crab
 from sculpt.glb import write_glb
 from sculpt.mesh import Character
 from sculpt.usd import write_usd
+from speech import build_dialogue
 
 
 def write_character(build: Callable[[], Character], folder: Path) -> list[Path]:
@@ -30,13 +31,14 @@ def write_character(build: Callable[[], Character], folder: Path) -> list[Path]:
 PARTS: dict[str, Callable[[Path], list[Path]]] = {
     "ada": lambda folder: write_character(build_ada, folder),
     "crab": lambda folder: write_character(build_crab, folder),
+    "dialogue": build_dialogue,
 }
 """What can be built: name -> function of the output folder that returns the files written."""
 
 
 def main() -> None:
     """Build the parts asked for."""
-    parser = argparse.ArgumentParser(description="Build the sample characters from code.")
+    parser = argparse.ArgumentParser(description="Build the sample from code.")
     parser.add_argument(
         "--only", nargs="+", choices=list(PARTS), default=list(PARTS), metavar="NAME",
         help=f"parts to build (default: all of {', '.join(PARTS)})",

@@ -53,16 +53,19 @@ LINES: dict[str, dict[str, str]] = {
 }
 
 
-def build(folder: Path) -> None:
-    """Write ``dialogue/<language>/<line>.wav`` and ``.txt`` below `folder`."""
+def build_dialogue(folder: Path) -> list[Path]:
+    """Write ``dialogue/<language>/<line>.wav`` and ``.txt`` below `folder`; returns the files."""
+    written: list[Path] = []
     for language, voice in VOICES.items():
         target = folder / "dialogue" / language
         target.mkdir(parents=True, exist_ok=True)
         for name, texts in LINES.items():
             text = texts[language]
-            (target / f"{name}.txt").write_text(text + "\n", encoding="utf-8", newline="\n")
-            samples = _spoken(text, voice)
-            soundfile.write(target / f"{name}.wav", samples, RATE_HZ, subtype="PCM_16")
+            transcript, recording = target / f"{name}.txt", target / f"{name}.wav"
+            transcript.write_text(text + "\n", encoding="utf-8", newline="\n")
+            soundfile.write(recording, _spoken(text, voice), RATE_HZ, subtype="PCM_16")
+            written += [transcript, recording]
+    return written
 
 
 def _spoken(text: str, voice: str) -> np.ndarray[tuple[int], np.dtype[np.int16]]:

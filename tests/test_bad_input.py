@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 import soundfile
 from pxr import Sdf, Usd, UsdGeom
-from support.jobs import SAMPLE, Ran, SmallJob, animeme, run_inline, small_job
 
 from animeme import load_model
+from support.jobs import SAMPLE, Ran, SmallJob, animeme, run_inline, small_job
 
 GOOD, BAD = "en/boat", "en/five"
 RATE_HZ = 16_000
@@ -677,10 +677,15 @@ def test_a_broken_rig_document_is_refused(
 ) -> None:
     (job.folder / "crab.rig.toml").write_text(content, encoding="utf-8")
     ran = run_inline(capsys, job)
-    expect_refused(job, ran, "characters.crab.rig", "crab.rig.toml", *words)
+    expect_refused(job, ran, "characters.crab.rig", *words)
 
     job.asset("crab.rig.toml")
     expect_success(job, run_inline(capsys, job))
+
+
+def test_a_broken_rig_document_is_named(job: SmallJob, capsys: Capture) -> None:
+    (job.folder / "crab.rig.toml").write_text(RIG[:300], encoding="utf-8")
+    expect_refused(job, run_inline(capsys, job), "characters.crab.rig", "crab.rig.toml")
 
 
 def test_a_rig_of_another_character_is_refused(job: SmallJob, capsys: Capture) -> None:

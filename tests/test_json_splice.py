@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os.path
 import random
 from typing import Any
 
@@ -67,9 +66,15 @@ def text_of(document: Any, seed: int) -> str:
     return rendered(("object", document), random.Random(seed))
 
 
+def common(first: str, second: str) -> int:
+    """Length of the beginning that two texts share."""
+    differing = (i for i, (a, b) in enumerate(zip(first, second, strict=False)) if a != b)
+    return next(differing, min(len(first), len(second)))
+
+
 def require_only_inserted(old: str, new: str) -> None:
-    head = len(os.path.commonprefix([old, new]))
-    tail = len(os.path.commonprefix([old[::-1], new[::-1]]))
+    head = common(old, new)
+    tail = common(old[::-1], new[::-1])
     assert head + tail >= len(old), f"{old!r} → {new!r}"
 
 

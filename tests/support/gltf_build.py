@@ -6,6 +6,7 @@ import base64
 import json
 import re
 import struct
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -234,7 +235,9 @@ class Reader:
             self.root = document_of(path)
             self.blob = bin_of(path) if binary else None
         else:
-            loaded = GLTF2().load_binary(str(path)) if binary else GLTF2().load_json(str(path))
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", "Ignoring chunk")  # it cannot read them
+                loaded = GLTF2().load_binary(str(path)) if binary else GLTF2().load_json(str(path))
             self.root = json.loads(loaded.to_json())
             self.blob = loaded.binary_blob() if binary else None
 
