@@ -40,11 +40,17 @@ def main() -> None:
     """Build the parts asked for."""
     parser = argparse.ArgumentParser(description="Build the sample from code.")
     parser.add_argument(
-        "--only", nargs="+", choices=list(PARTS), default=list(PARTS), metavar="NAME",
+        "--only",
+        nargs="+",
+        choices=list(PARTS),
+        default=list(PARTS),
+        metavar="NAME",
         help=f"parts to build (default: all of {', '.join(PARTS)})",
     )
     parser.add_argument(
-        "--output", type=Path, default=Path(__file__).resolve().parent,
+        "--output",
+        type=Path,
+        default=Path(__file__).resolve().parent,
         help="folder to write to (default: the folder of this script)",
     )
     arguments = parser.parse_args()

@@ -11,11 +11,10 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-from preview.scene import load_scene
-from render import camera_for, strip
-
 import animeme
 from animeme.phones import PhoneTrack
+from preview.scene import load_scene
+from render import camera_for, strip
 
 SAMPLE = Path(__file__).resolve().parent
 LINE = "boat"

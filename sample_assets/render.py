@@ -20,7 +20,13 @@ from preview.scene import Scene, SceneMesh, Weights, load_scene, weights_of
 from preview.shade import Camera, picture
 
 __all__ = [
-    "Camera", "Scene", "SceneMesh", "camera_for", "load_scene", "render", "strip",
+    "Camera",
+    "Scene",
+    "SceneMesh",
+    "camera_for",
+    "load_scene",
+    "render",
+    "strip",
 ]
 
 CROPS = ("mouth", "face", "head", "all")
@@ -138,7 +144,10 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--animation", help="name of an animation with weight channels")
     parser.add_argument("--times", type=float, nargs="+", default=[0.0], help="seconds")
     parser.add_argument(
-        "--weights", action="append", default=[], metavar="NAME=VALUE,...",
+        "--weights",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE,...",
         help="a frame with these weights (repeatable; NAME* means NAMELeft and NAMERight)",
     )
     parser.add_argument("--labels", nargs="+", default=[], help="one text per frame")
@@ -160,9 +169,7 @@ def main() -> None:
     frames: list[Weights] = [_parse_weights(text) for text in arguments.weights]
     if arguments.animation:
         frames += [scene.weights_at(arguments.animation, t) for t in arguments.times]
-    camera = camera_for(
-        scene, arguments.crop, arguments.yaw, arguments.pitch, size[0] / size[1]
-    )
+    camera = camera_for(scene, arguments.crop, arguments.yaw, arguments.pitch, size[0] / size[1])
     camera = replace(camera, height=camera.height / arguments.zoom)
     image = strip(scene, frames or [{}], arguments.labels, size, camera, arguments.supersample)
     image.save(arguments.output)

@@ -182,8 +182,7 @@ class _Reader:
         if a.sparse is not None:
             i, v = a.sparse.indices, a.sparse.values
             at = self._raw(i.bufferView, i.byteOffset or 0, i.componentType, 1, a.sparse.count)
-            new = self._raw(v.bufferView, v.byteOffset or 0, a.componentType, width,
-                            a.sparse.count)
+            new = self._raw(v.bufferView, v.byteOffset or 0, a.componentType, width, a.sparse.count)
             values[at[:, 0]] = new
         if a.normalized:
             values = np.maximum(values / np.iinfo(values.dtype).max, -1.0)

@@ -33,9 +33,7 @@ class Camera:
     def axes(self) -> FloatArray:
         """Rows: right, up and backward (towards the eye) unit vectors in world space."""
         yaw, pitch = np.radians(self.yaw), np.radians(self.pitch)
-        back = np.array(
-            [np.sin(yaw) * np.cos(pitch), np.sin(pitch), np.cos(yaw) * np.cos(pitch)]
-        )
+        back = np.array([np.sin(yaw) * np.cos(pitch), np.sin(pitch), np.cos(yaw) * np.cos(pitch)])
         right = np.array([np.cos(yaw), 0.0, -np.sin(yaw)])
         return np.stack([right, np.cross(back, right), back])
 

@@ -40,12 +40,9 @@ def build_ada() -> Character:
     ]
     still = np.zeros((len(ear_points), 3))
     targets = {
-        name: np.concatenate([delta, still])
-        for name, delta in face_targets(head, follow).items()
+        name: np.concatenate([delta, still]) for name, delta in face_targets(head, follow).items()
     }
-    weights = np.concatenate(
-        [joint_weights(head.points, follow), parts.rigid(len(ear_points), 2)]
-    )
+    weights = np.concatenate([joint_weights(head.points, follow), parts.rigid(len(ear_points), 2)])
     landmarks = lip_landmarks(head.mouth)
     front = np.where(np.abs(head.points[:, 0]) < 1e-6, head.points[:, 1] + 0.1, 1.0)
     front[head.points[:, 2] < 0.07] = 1.0

@@ -50,8 +50,12 @@ def eyes() -> Mesh:
     """Both eyeballs; the look targets turn them about their centres."""
     unit, triangles = ball(_POLAR, _SEGMENTS)
     n = _SEGMENTS
-    cut = {PUPIL: triangles[: 3 * n], IRIS: triangles[3 * n : 7 * n],
-           LIMBUS: triangles[7 * n : 9 * n], WHITE: triangles[9 * n :]}
+    cut = {
+        PUPIL: triangles[: 3 * n],
+        IRIS: triangles[3 * n : 7 * n],
+        LIMBUS: triangles[7 * n : 9 * n],
+        WHITE: triangles[9 * n :],
+    }
     turned = np.radians(2.0)
     points, targets = [], {}
     for eye, side in enumerate((1.0, -1.0)):

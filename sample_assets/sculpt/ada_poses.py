@@ -78,8 +78,9 @@ def _lip_handles(head: Head, follow: FloatArray) -> dict[str, FloatArray]:
         "mouthFunnel": lp.funnel(lips),
         "mouthPucker": lp.pucker(lips),
         "mouthLeft": sideways,
-        "mouthRight": lp.shift(lips, -0.0115 + 0.002 * np.abs(lips.s), -0.0012 * lips.s,
-                               0.0012 * lips.s),
+        "mouthRight": lp.shift(
+            lips, -0.0115 + 0.002 * np.abs(lips.s), -0.0012 * lips.s, 0.0012 * lips.s
+        ),
         "mouthSmile": lp.corners(lips, 0.0075, 0.0078, -0.0055, 1.7, 0.04)
         + lp.shift(lips, 0.0, 0.0, -0.0012 * g),
         "mouthFrown": lp.corners(lips, 0.0005, -0.0072, -0.0010, 1.9),
@@ -141,9 +142,7 @@ def _add_cheeks(head: Head, whole: dict[str, FloatArray]) -> None:
     whole["cheekSquint"] = cheek * np.concatenate([out * 0.0006, skin * 0.0060, skin * 0.0034], 1)
 
 
-def _turn_lids(
-    head: Head, eye: int, upper: float, lower: float, swing: float = 0.0
-) -> FloatArray:
+def _turn_lids(head: Head, eye: int, upper: float, lower: float, swing: float = 0.0) -> FloatArray:
     """Move the lids of an eye (0 left, 1 right) along the eyeball.
 
     Args:
@@ -169,8 +168,11 @@ def _turn_lids(
         cos, sin = np.cos(turn * share), np.sin(turn * share)
         moved = np.stack([q[:, 0], cos * q[:, 1] + sin * q[:, 2], cos * q[:, 2] - sin * q[:, 1]], 1)
         # Straight paths cut through the ball; start a little further out.
-        moved += (np.abs(turn) * share * 0.0011)[:, None] * moved / np.linalg.norm(moved, axis=1)[
-            :, None]
+        moved += (
+            (np.abs(turn) * share * 0.0011)[:, None]
+            * moved
+            / np.linalg.norm(moved, axis=1)[:, None]
+        )
         moved[:, 0] += swing * share * q[:, 2]
         delta[rings[r]] = moved - q
     return delta

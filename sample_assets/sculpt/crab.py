@@ -135,4 +135,3 @@ def build_crab() -> Character:
     meshes = [shell, stalks(_rigid), teeth(body), tongue_mesh(body), limbs(_rigid)]
     joints = [Joint(name, parent, position) for name, parent, position in JOINTS]
     return finish(Character("Crab", meshes, joints), (0.0, 0.0, 0.0))
-

@@ -27,9 +27,7 @@ def sphere(p: FloatArray, centre: Vector, radius: float) -> FloatArray:
     return np.asarray(np.linalg.norm(p - np.asarray(centre), axis=-1) - radius)
 
 
-def cone(
-    p: FloatArray, a: Vector, b: Vector, radius_a: float, radius_b: float
-) -> FloatArray:
+def cone(p: FloatArray, a: Vector, b: Vector, radius_a: float, radius_b: float) -> FloatArray:
     """Distance to a capsule from a to b whose radius changes linearly."""
     axis = np.asarray(b, dtype=np.float64) - np.asarray(a)
     q = p - np.asarray(a)

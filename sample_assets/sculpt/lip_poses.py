@@ -44,8 +44,9 @@ class Lips:
         return np.asarray((1.0 - t)[:, None])
 
 
-def shift(lips: Lips, x: FloatArray | float, y: FloatArray | float, z: FloatArray | float
-          ) -> FloatArray:
+def shift(
+    lips: Lips, x: FloatArray | float, y: FloatArray | float, z: FloatArray | float
+) -> FloatArray:
     """Displacement with human-sized components, each (n,) by column or (R, n)."""
     shape = lips.rest.shape[:2]
     parts = [np.broadcast_to(np.asarray(v, dtype=np.float64), shape) for v in (x, y, z)]
@@ -107,8 +108,9 @@ def pucker(lips: Lips) -> FloatArray:
     return sealed(lips, moved)
 
 
-def corners(lips: Lips, x: float, y: float, z: float, power: float, base: float = 0.0
-            ) -> FloatArray:
+def corners(
+    lips: Lips, x: float, y: float, z: float, power: float, base: float = 0.0
+) -> FloatArray:
     """Pull both corners: x outwards, y up, z forward; ``base`` of it in the middle of the lips."""
     reach = base + (1.0 - base) * np.abs(lips.s) ** power
     outwards = np.sign(lips.s) * np.abs(lips.s) ** max(1.0, power * 0.75)

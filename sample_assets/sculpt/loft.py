@@ -15,8 +15,12 @@ def sheet(rows: int, columns: int, wrap: bool = False, start: int = 0) -> IntArr
     """
     i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - (not wrap)), indexing="ij")
     right = (j + 1) % columns
-    corners = (i * columns + j, (i + 1) * columns + j, (i + 1) * columns + right,
-               i * columns + right)
+    corners = (
+        i * columns + j,
+        (i + 1) * columns + j,
+        (i + 1) * columns + right,
+        i * columns + right,
+    )
     quads = np.stack([c.ravel() for c in corners], axis=1) + start
     return split_quads(quads.astype(np.int64))
 
@@ -61,8 +65,9 @@ def ball(polar: FloatArray, n: int) -> tuple[FloatArray, IntArray]:
     return np.concatenate([rings, [[0, 0, 1.0], [0, 0, -1.0]]]), np.concatenate(bands)
 
 
-def tube(centres: FloatArray, radii: FloatArray, n: int, up: FloatArray
-         ) -> tuple[FloatArray, IntArray]:
+def tube(
+    centres: FloatArray, radii: FloatArray, n: int, up: FloatArray
+) -> tuple[FloatArray, IntArray]:
     """Closed tube around a path.
 
     Args:

@@ -97,7 +97,11 @@ def _front(field: Field, places: FloatArray) -> FloatArray:
 
 
 def _red(
-    form: LipForm, contact: FloatArray, border: FloatArray, room: FloatArray, side: FloatArray,
+    form: LipForm,
+    contact: FloatArray,
+    border: FloatArray,
+    room: FloatArray,
+    side: FloatArray,
     t: float,
 ) -> FloatArray:
     """Ring of the red at place t of the profile, 0 the border and 1 the contact line."""

@@ -167,9 +167,7 @@ def neighbour_mean(values: FloatArray, edges: tuple[IntArray, IntArray]) -> Floa
     """Mean of the values (V, C) of each vertex's neighbours."""
     source, destination = edges
     degree = np.bincount(source, minlength=len(values))
-    total = np.stack(
-        [np.bincount(source, v[destination], len(values)) for v in values.T], axis=1
-    )
+    total = np.stack([np.bincount(source, v[destination], len(values)) for v in values.T], axis=1)
     return np.asarray(total / np.maximum(degree, 1)[:, None])
 
 

@@ -14,8 +14,9 @@ def step(low: float, high: float, value: FloatArray) -> FloatArray:
     return np.asarray(t * t * t * (t * (6.0 * t - 15.0) + 10.0))
 
 
-def bump(p: FloatArray, centre: tuple[float, float, float], size: tuple[float, float, float]
-         ) -> FloatArray:
+def bump(
+    p: FloatArray, centre: tuple[float, float, float], size: tuple[float, float, float]
+) -> FloatArray:
     """Gaussian (N,) around a centre, one at it; infinite sizes ignore an axis."""
     return np.asarray(np.exp(-(((p - np.asarray(centre)) / np.asarray(size)) ** 2).sum(1)))
 

@@ -113,9 +113,7 @@ def _mesh(
     points = Vt.Vec3fArray.FromNumpy(mesh.points.astype(np.float32))
     geometry.CreatePointsAttr(points)
     geometry.CreateFaceVertexCountsAttr(Vt.IntArray([3] * len(triangles)))
-    geometry.CreateFaceVertexIndicesAttr(
-        Vt.IntArray.FromNumpy(triangles.ravel().astype(np.int32))
-    )
+    geometry.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(triangles.ravel().astype(np.int32)))
     geometry.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     geometry.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
     geometry.CreateNormalsAttr(
@@ -130,9 +128,7 @@ def _mesh(
     _blendshapes(stage, geometry, mesh)
 
 
-def _subsets(
-    geometry: UsdGeom.Mesh, mesh: Mesh, materials: dict[str, UsdShade.Material]
-) -> None:
+def _subsets(geometry: UsdGeom.Mesh, mesh: Mesh, materials: dict[str, UsdShade.Material]) -> None:
     """Bind materials: directly if there is one, else to subsets of faces."""
     if len(mesh.parts) == 1:
         material = materials[mesh.parts[0].material.name]
@@ -143,7 +139,11 @@ def _subsets(
         faces = Vt.IntArray(list(range(start, start + len(part.triangles))))
         start += len(part.triangles)
         subset = UsdGeom.Subset.CreateGeomSubset(
-            geometry, part.material.name, UsdGeom.Tokens.face, faces, "materialBind",
+            geometry,
+            part.material.name,
+            UsdGeom.Tokens.face,
+            faces,
+            "materialBind",
             UsdGeom.Tokens.partition,
         )
         material = materials[part.material.name]
