@@ -7,6 +7,7 @@ without stress) or ``ipa``. Models see IPA through `PhoneTrack.ipa`.
 
 from __future__ import annotations
 
+import math
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -124,7 +125,7 @@ class PhoneTrack:
         language: BCP-47 tag.
         inventory: which symbols the phones use.
         phones: at least one; the first starts at 0; each starts where the one before ends.
-        words: in order, without overlap; may be empty.
+        words: in order, without overlap, within the phones' time; may be empty.
 
     Raises:
         ValueError: an invariant does not hold.
@@ -141,13 +142,16 @@ class PhoneTrack:
         if self.phones[0].start_s != 0.0:
             raise ValueError(f"the first phone starts at {self.phones[0].start_s} s, not at 0")
         for phone in self.phones:
-            if not phone.end_s > phone.start_s:
+            if not phone.start_s < phone.end_s < math.inf:
                 raise ValueError(f"'{phone.symbol}' at {phone.start_s} s has no length")
             if self.inventory == "arpabet" and phone.symbol not in (*ARPABET_TO_IPA, SILENCE):
                 raise ValueError(f"'{phone.symbol}' at {phone.start_s} s is not in ARPAbet")
         for before, after in pairwise(self.phones):
             if before.end_s != after.start_s:
                 raise ValueError(f"gap or overlap between phones at {before.end_s} s")
+        for word in self.words:
+            if not 0.0 <= word.start_s < word.end_s <= self.phones[-1].end_s:
+                raise ValueError(f"'{word.text}' is not within the recording, or has no length")
         for first, second in pairwise(self.words):
             if second.start_s < first.end_s:
                 raise ValueError(f"the words '{first.text}' and '{second.text}' overlap")

@@ -28,13 +28,14 @@ class LineAnimated:
         """Report an error for each line that is missing or differs."""
         found = subject.format.read_animations(subject.output)
         for line in subject.lines:
-            animation = found.get(line.name) or found.get(f"{line.name}_{line.language}")
-            if animation is None:
-                yield _finding(
-                    "animation-missing", line, "its animation is not in the file", subject
-                )
-            elif problem := _difference(line, animation):
-                yield _finding("animation-differs", line, problem, subject)
+            # Where somebody else's animation has the line's name, ours has its language too.
+            names = [n for n in found if n == line.name or n.startswith(f"{line.name}_")]
+            problems = [_difference(line, found[name]) for name in names]
+            if not problems:
+                problem = "its animation is not in the file"
+                yield _finding("animation-missing", line, problem, subject)
+            elif all(problems):
+                yield _finding("animation-differs", line, problems[0], subject)
 
 
 def _difference(line: LineAnimation, animation: CurveSet) -> str:

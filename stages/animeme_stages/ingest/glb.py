@@ -38,7 +38,7 @@ class Container:
 
     Attributes:
         path: the file.
-        text: its JSON, exactly as stored (padding of the chunk removed).
+        text: its JSON, exactly as stored.
         json: the same, parsed.
         chunks: of a GLB, those after the JSON, in order; () for a ``.gltf``.
         binary: whether it is a GLB.
@@ -113,12 +113,16 @@ def _chunks(path: Path, stream: Any, head: bytes) -> tuple[Chunk, ...]:
     return tuple(found)
 
 
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number in JSON")
+
+
 def _parse(path: Path, data: bytes) -> tuple[str, dict[str, Any]]:
     try:
-        text = data.decode("utf-8").rstrip(" \0\r\n\t")
-        parsed = json.loads(text)
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise unreadable(path, f"holds no JSON ({error})") from error
+        text = data.decode("utf-8").rstrip("\0")
+        parsed = json.loads(text, parse_constant=_no_number)
+    except (ValueError, RecursionError) as error:
+        raise unreadable(path, f"holds no JSON ({str(error)[:120]})") from error
     if not isinstance(parsed, dict):
         raise unreadable(path, "holds JSON that is not an object")
     version = (

@@ -8,7 +8,8 @@ from typing import Any
 
 from animeme.errors import InputError
 from animeme.rig import Character, MeshShapes
-from animeme_stages.ingest.glb import open_container, unreadable
+from animeme_stages.ingest.glb import open_container
+from animeme_stages.ingest.gltf_document import require_sound, target_count
 
 FORMAT = "gltf"
 
@@ -22,11 +23,10 @@ def load_gltf(path: Path) -> Character:
     Raises:
         InputError: damaged, or without morph targets.
     """
-    root = open_container(path).json
-    try:
-        meshes = tuple(_meshes(root))
-    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-        raise unreadable(path, f"has broken nodes or meshes ({error!r})") from error
+    container = open_container(path)
+    require_sound(container)
+    root = container.json
+    meshes = tuple(_meshes(root))
     if not meshes:
         raise InputError(
             "asset-no-blendshapes",
@@ -44,11 +44,11 @@ def _meshes(root: Mapping[str, Any]) -> list[MeshShapes]:
         if "mesh" not in node:
             continue
         mesh = root["meshes"][node["mesh"]]
-        count = max((len(p.get("targets", [])) for p in mesh["primitives"]), default=0)
+        count = target_count(mesh)
         if not count:
             continue
         rest = node.get("weights") or mesh.get("weights") or [0.0] * count
-        name = node.get("name") or mesh.get("name") or f"node {index}"
+        name = str(node.get("name") or mesh.get("name") or f"node {index}")
         shapes = target_names(mesh, count)
         found.append(MeshShapes(f"/nodes/{index}", name, shapes, tuple(float(w) for w in rest)))
     return found
@@ -72,9 +72,14 @@ def target_names(mesh: Mapping[str, Any], count: int) -> tuple[str, ...]:
 
 def _distinct(names: tuple[str, ...]) -> tuple[str, ...]:
     """`names` with a number on every repetition, so that each target can be told apart."""
-    seen: dict[str, int] = {}
+    taken = set(names)
+    seen: set[str] = set()
     result = []
     for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        result.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
+        number, free = 1, name
+        while free in seen or (free != name and free in taken):
+            number += 1
+            free = f"{name}#{number}"
+        seen.add(free)
+        result.append(free)
     return tuple(result)

@@ -17,6 +17,7 @@ from animeme.curves import CurveSet
 from animeme.errors import InputError
 from animeme.rig import Character
 from animeme_stages.ingest.glb import Container, unreadable
+from animeme_stages.ingest.gltf_document import mark_of
 
 _FLOAT = 5126
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -28,24 +29,29 @@ def local_file(path: Path, uri: str) -> Path:
     Raises:
         InputError: the URI is absolute, names a host, or leaves the folder.
     """
-    parts = urlsplit(uri)
-    inner = PurePosixPath(unquote(parts.path))
-    windows_root = ":" in inner.parts[0] if inner.parts else True
-    if (
-        parts.scheme
-        or parts.netloc
-        or inner.is_absolute()
-        or ".." in inner.parts
-        or "\\" in str(inner)
-        or windows_root
-    ):
+    inner = _inner_path(uri)
+    if inner is None:
         raise InputError(
             "asset-uri-refused",
-            f"refers to '{uri[:120]}', which is outside its own folder",
+            f"refers to {uri[:120]!r}, which is not a file in its own folder",
             place=str(path),
             action="Put the file beside the asset and use a relative URI.",
         )
     return path.parent.joinpath(*inner.parts)
+
+
+def _inner_path(uri: str) -> PurePosixPath | None:
+    """The relative path that a URI means, None where it is anything else."""
+    try:
+        parts = urlsplit(uri)
+    except ValueError:
+        return None
+    text = unquote(parts.path)
+    inner = PurePosixPath(text)
+    outside = parts.scheme or parts.netloc or inner.is_absolute() or ".." in inner.parts
+    strange = not inner.parts or any(c in text for c in "\\\0") or ":" in inner.parts[0]
+    # Control characters are dropped by urlsplit: what it says is not what the URI says.
+    return None if outside or strange or any(c < " " for c in uri) else inner
 
 
 def external_uris(root: Mapping[str, Any]) -> list[str]:
@@ -78,7 +84,8 @@ class Buffers:
         """
         root = self.container.json
         accessor = root["accessors"][index]
-        if accessor["componentType"] != _FLOAT or "bufferView" not in accessor:
+        sparse = "sparse" in accessor or "bufferView" not in accessor
+        if accessor["componentType"] != _FLOAT or sparse:
             raise unreadable(self.container.path, f"accessor {index} is not dense floats")
         view = root["bufferViews"][accessor["bufferView"]]
         width = _WIDTH[accessor["type"]]
@@ -114,34 +121,49 @@ class Buffers:
 
 
 def weight_animations(container: Container, character: Character) -> dict[str, CurveSet]:
-    """Weight curves of every linear animation, over canonical shape names.
+    """Weight curves of every linear float animation, over canonical shape names.
+
+    Animations of others that are broken, or in a form that is not read, are left out.
 
     Raises:
-        InputError: an animation's data is broken.
+        InputError: an animation of ours is broken.
     """
     buffers = Buffers(container)
     found: dict[str, CurveSet] = {}
     for index, animation in enumerate(container.json.get("animations", [])):
-        times_s: NDArray[np.float32] | None = None
-        columns: dict[str, NDArray[np.float32]] = {}
-        for sampler, names in _weight_channels(animation, character):
-            keys = buffers.floats(sampler["input"])[:, 0]
-            values = buffers.floats(sampler["output"]).reshape(len(keys), -1)
-            if values.shape[1] != len(names):
-                raise unreadable(container.path, f"animation {index} has a wrong count of weights")
-            if times_s is None:
-                times_s = keys
-            if np.array_equal(times_s, keys):
-                for column, name in enumerate(names):
-                    columns.setdefault(name, values[:, column])
-        if times_s is not None:
-            name = str(animation.get("name", f"animation {index}"))
-            weights = np.stack(list(columns.values()), axis=1).astype(np.float64)
-            try:
-                found[name] = CurveSet(times_s.astype(np.float64), tuple(columns), weights)
-            except ValueError as error:
-                raise unreadable(container.path, f"animation '{name}': {error}") from error
+        name = str(animation.get("name", f"animation {index}"))
+        try:
+            curves = _weight_curves(animation, buffers, character)
+        except (AttributeError, IndexError, InputError, KeyError, TypeError, ValueError) as error:
+            if mark_of(animation) is None:
+                continue
+            if isinstance(error, InputError):
+                raise
+            raise unreadable(container.path, f"animation '{name}' is broken ({error})") from error
+        if curves is not None:
+            found[name] = curves
     return found
+
+
+def _weight_curves(
+    animation: Mapping[str, Any], buffers: Buffers, character: Character
+) -> CurveSet | None:
+    """Curves of one animation, None if it moves no weights linearly."""
+    times_s: NDArray[np.float32] | None = None
+    columns: dict[str, NDArray[np.float32]] = {}
+    for sampler, names in _weight_channels(animation, character):
+        keys = buffers.floats(sampler["input"])[:, 0]
+        values = buffers.floats(sampler["output"]).reshape(len(keys), -1)
+        if values.shape[1] != len(names):
+            raise ValueError(f"{values.shape[1]} weights for {len(names)} targets")
+        times_s = keys if times_s is None else times_s
+        if np.array_equal(times_s, keys):
+            for column, name in enumerate(names):
+                columns.setdefault(name, values[:, column])
+    if times_s is None:
+        return None
+    weights = np.stack(list(columns.values()), axis=1).astype(np.float64)
+    return CurveSet(times_s.astype(np.float64), tuple(columns), weights)
 
 
 def _weight_channels(
@@ -153,9 +175,6 @@ def _weight_channels(
         target = channel["target"]
         mesh = meshes.get(f"/nodes/{target.get('node')}")
         sampler = animation["samplers"][channel["sampler"]]
-        if (
-            target["path"] == "weights"
-            and mesh
-            and sampler.get("interpolation", "LINEAR") == "LINEAR"
-        ):
+        linear = sampler.get("interpolation", "LINEAR") == "LINEAR"
+        if target["path"] == "weights" and mesh and linear:
             yield sampler, [character.canonical[name] for name in mesh.shapes]

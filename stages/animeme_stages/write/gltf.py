@@ -7,12 +7,13 @@ the old ones, and the rest is copied.
 from __future__ import annotations
 
 import base64
-import shutil
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
+from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +25,13 @@ from animeme.files import atomic_path
 from animeme.rig import Character, MeshShapes
 from animeme_stages.ingest.glb import Chunk, Container, open_container
 from animeme_stages.ingest.gltf import load_gltf
-from animeme_stages.ingest.gltf_data import external_uris, local_file, weight_animations
+from animeme_stages.ingest.gltf_data import external_uris, weight_animations
+from animeme_stages.ingest.gltf_document import mark_of, marked
+from animeme_stages.write.gltf_files import companions, side_car_name
 from animeme_stages.write.gltf_harm import harm
 from animeme_stages.write.json_splice import Splice
 
 _FLOAT = 5126
-_MARK = "animeme"
 
 
 @dataclass
@@ -82,28 +84,27 @@ class GltfFormat:
         sampler, all channels of a line share its times.
         """
         container = open_container(character.source)
-        uris = external_uris(container.json)
-        for uri in uris:
-            local_file(container.path, uri)  # refuse before anything is written
+        beside = companions(container.path, external_uris(container.json), target)
         appended = _Appended(
             len(container.json.get("accessors", [])), len(container.json.get("bufferViews", []))
         )
-        animations = [_animation(line, character, container, appended) for line in lines]
-        written = [target]
+        animations = _animations(lines, character, container, appended)
         if container.binary:
             text = _edited(container, appended, animations, uri=None)
+            copied = beside.copy()
             with atomic_path(target) as scratch, scratch.open("wb") as stream:
                 _write_glb(stream, container, text, appended)
-        else:
-            side_car = target.with_suffix(".animeme.bin")
-            text = _edited(container, appended, animations, uri=side_car.name)
+            return (target, *copied)
+        side_car = target.with_name(side_car_name(target, beside.uris))
+        text = _edited(container, appended, animations, uri=quote(side_car.name))
+        copied = beside.copy()
+        if appended.data:
             with atomic_path(side_car) as scratch:
                 scratch.write_bytes(appended.data)
-            with atomic_path(target) as scratch:
-                scratch.write_text(text, encoding="utf-8", newline="")
-            written.append(side_car)
-        written += _copy_externals(container.path, uris, target.parent)
-        return tuple(written)
+            copied.append(side_car)
+        with atomic_path(target) as scratch:
+            scratch.write_text(text, encoding="utf-8", newline="")
+        return (target, *copied)
 
     def write_assembly(
         self, character: Character, by_language: Mapping[str, Path], target: Path
@@ -120,23 +121,47 @@ class GltfFormat:
         return harm(open_container(character.source), open_container(output))
 
 
-def _animation(
-    line: LineAnimation, character: Character, container: Container, appended: _Appended
-) -> dict[str, Any]:
+def _animations(
+    lines: Sequence[LineAnimation],
+    character: Character,
+    container: Container,
+    appended: _Appended,
+) -> list[dict[str, Any]]:
+    """The glTF animation of each line; their data goes to `appended`."""
+    spoken = {line.name for line in lines}
+    # Names of all that stays: animations of others, and ours of lines that are not written now.
+    taken = {
+        str(animation.get("name"))
+        for animation in container.json.get("animations", [])
+        if (mark_of(animation) or {}).get("line") not in spoken
+    }
+    made = []
+    for line in lines:
+        animation = _animation(line, character, appended)
+        if animation["channels"]:
+            animation["name"] = _free_name(line, taken)
+            taken.add(animation["name"])
+            made.append(animation)
+    return made
+
+
+def _animation(line: LineAnimation, character: Character, appended: _Appended) -> dict[str, Any]:
     """The glTF animation of one line; its data goes to `appended`."""
-    times_s, weights = _as_floats(line.curves)
     columns = {name: index for index, name in enumerate(line.curves.names)}
     unknown = set(columns) - set(character.canonical.values())
     if unknown:
         raise ValueError(f"{character.source} has no shape {', '.join(sorted(unknown))}")
-    time_accessor = appended.floats(times_s, bounds=True)
-    samplers: dict[tuple[Any, ...], int] = {}
+    times_s, weights = _as_floats(line.curves)
     channels: list[dict[str, Any]] = []
+    samplers: dict[tuple[Any, ...], int] = {}
     made: list[dict[str, Any]] = []
+    time_accessor = -1
     for mesh in character.meshes:
         targets = tuple(columns.get(character.canonical[name], -1) for name in mesh.shapes)
         if max(targets) < 0:
             continue
+        if time_accessor < 0:
+            time_accessor = appended.floats(times_s, bounds=True)
         key = (targets, mesh.rest)
         if key not in samplers:
             samplers[key] = len(made)
@@ -146,8 +171,16 @@ def _animation(
         target = {"node": node, "path": "weights"}
         channels.append({"sampler": samplers[key], "target": target})
     note = {"line": line.name, "language": line.language, "duration_s": line.duration_s}
-    name = _free_name(line, container)
-    return {"name": name, "channels": channels, "samplers": made, "extras": {_MARK: note}}
+    return {"name": line.name, "channels": channels, "samplers": made, "extras": marked(note)}
+
+
+def _free_name(line: LineAnimation, taken: Collection[str]) -> str:
+    """The line's name, with its language or a number where that name is taken."""
+    candidates = chain(
+        (line.name, f"{line.name}_{line.language}"),
+        (f"{line.name}_{line.language}_{number}" for number in count(2)),
+    )
+    return next(name for name in candidates if name not in taken)
 
 
 def _as_floats(curves: CurveSet) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -168,17 +201,6 @@ def _mesh_weights(
     return full
 
 
-def _free_name(line: LineAnimation, container: Container) -> str:
-    """The line's name, with its language where somebody else's animation has that name."""
-    theirs = {a.get("name") for a in container.json.get("animations", []) if not _is_ours(a)}
-    return line.name if line.name not in theirs else f"{line.name}_{line.language}"
-
-
-def _is_ours(animation: Mapping[str, Any]) -> bool:
-    extras = animation.get("extras")
-    return isinstance(extras, dict) and _MARK in extras
-
-
 def _edited(
     container: Container,
     appended: _Appended,
@@ -195,45 +217,55 @@ def _edited(
         uri: side-car that holds the bytes; None to put them behind the GLB's own.
     """
     splice = Splice(container.text)
+    size = len(appended.data)
+    if size:
+        buffer, start = _put_buffer(splice, container, appended, uri)
+        view = {"buffer": buffer, "byteOffset": start, "byteLength": size}
+        splice.append("bufferViews", [view])
+        splice.append("accessors", appended.accessors)
+    _put_animations(splice, container, animations)
+    return splice.apply()
+
+
+def _put_buffer(
+    splice: Splice, container: Container, appended: _Appended, uri: str | None
+) -> tuple[int, int]:
+    """Make room for the new bytes; returns the buffer's index and where in it they begin."""
     buffers = container.json.get("buffers", [])
-    start, size = 0, len(appended.data)
-    if uri is None and (container.bin or not buffers):
-        buffer = 0
+    size = len(appended.data)
+    first_is_chunk = not buffers or "uri" not in buffers[0]
+    if uri is None and first_is_chunk and (container.bin or not buffers):
         start = container.bin.length if container.bin else 0
         if buffers:
             first = splice.elements(splice.members()["buffers"][0])[0]
             splice.set(first[0], "byteLength", start + size)
         else:
-            splice.append("buffers", [{"byteLength": size}])
-    else:
-        # A GLB may keep its buffers elsewhere, and then has no chunk to append to.
-        data = "data:application/octet-stream;base64," + base64.b64encode(appended.data).decode()
-        buffer = len(buffers)
-        splice.append("buffers", [{"uri": uri or data, "byteLength": size}])
-        appended_elsewhere = uri is None
-        if appended_elsewhere:
-            appended.data.clear()
-    view = {"buffer": buffer, "byteOffset": start, "byteLength": size}
-    splice.append("bufferViews", [view])
-    splice.append("accessors", appended.accessors)
-    _put_animations(splice, container, animations)
-    return splice.apply()
+            splice.append("buffers", [{"byteLength": start + size}])
+        return 0, start
+    if uri is None:
+        # A GLB that keeps its buffers elsewhere has no chunk to append to.
+        encoded = base64.b64encode(appended.data).decode()
+        uri = f"data:application/octet-stream;base64,{encoded}"
+        appended.data.clear()
+    splice.append("buffers", [{"uri": uri, "byteLength": size}])
+    return len(buffers), 0
 
 
 def _put_animations(
     splice: Splice, container: Container, animations: Sequence[Mapping[str, Any]]
 ) -> None:
-    """Append animations; one that we made before under the same name is replaced."""
+    """Append animations; one that we made before of the same line is replaced."""
     old = {
-        a["name"]: index
-        for index, a in enumerate(container.json.get("animations", []))
-        if _is_ours(a) and isinstance(a.get("name"), str)
+        note["line"]: index
+        for index, animation in enumerate(container.json.get("animations", []))
+        if (note := mark_of(animation)) and isinstance(note.get("line"), str)
     }
     spans = splice.elements(splice.members()["animations"][0]) if old else []
     new = []
     for animation in animations:
-        if animation["name"] in old:
-            splice.replace(spans[old[animation["name"]]], animation)
+        line = animation["extras"]["animeme"]["line"]
+        if line in old:
+            splice.replace(spans[old[line]], animation)
         else:
             new.append(animation)
     splice.append("animations", new)
@@ -280,26 +312,3 @@ def _pieces(chunk: Chunk, size: int = 1 << 20) -> Iterator[tuple[int, int]]:
     """Offsets and lengths that cover a chunk, so that memory stays small."""
     for start in range(chunk.start, chunk.start + chunk.length, size):
         yield start, min(size, chunk.start + chunk.length - start)
-
-
-def _copy_externals(source: Path, uris: Sequence[str], folder: Path) -> list[Path]:
-    """Copy the asset's other files to the same places beside the output."""
-    copied: list[Path] = []
-    for uri in uris:
-        file = local_file(source, uri)
-        target = folder / file.relative_to(source.parent)
-        if not file.is_file() or target.resolve() == file.resolve():
-            continue
-        if target.is_file():
-            if target.read_bytes() != file.read_bytes():
-                raise InputError(
-                    "asset-file-clash",
-                    f"needs '{uri}', but another asset's file of that name is there",
-                    place=str(target),
-                    action="Deliver one of the two as .glb, or rename its file.",
-                )
-            continue
-        with atomic_path(target) as scratch:
-            shutil.copyfile(file, scratch)
-        copied.append(target)
-    return copied

@@ -25,7 +25,9 @@ class Splice:
     """
 
     text: str
-    _edits: list[tuple[int, int, str]] = field(default_factory=list)
+    _replaced: dict[tuple[int, int], str] = field(default_factory=dict)
+    _appended: dict[str, list[str]] = field(default_factory=dict)  # top-level array → elements
+    _added: dict[int, dict[str, str]] = field(default_factory=dict)  # object → new members
     _members: dict[int, dict[str, tuple[int, int]]] = field(default_factory=dict)
 
     def members(self, start: int = 0) -> dict[str, tuple[int, int]]:
@@ -57,46 +59,42 @@ class Splice:
 
     def replace(self, span: tuple[int, int], value: Any) -> None:
         """Put `value` in the place of a value's span."""
-        self._edits.append((*span, dumps(value)))
+        self._replaced[span] = dumps(value)
 
     def append(self, key: str, values: Sequence[Any]) -> None:
         """Append `values` to the top-level array `key`, which is made where there is none."""
         if not values:
             return
-        new = ",".join(dumps(value) for value in values)
-        span = self.members().get(key)
-        if span is None:
-            self._insert_member(0, key, f"[{new}]")
-            return
-        at = span[1] - 1
-        self._edits.append((at, at, f",{new}" if self.elements(span[0]) else new))
+        self._appended.setdefault(key, []).extend(dumps(value) for value in values)
+        if key not in self.members():
+            self._added.setdefault(0, {})[key] = f"[{','.join(self._appended[key])}]"
 
     def set(self, start: int, key: str, value: Any) -> None:
         """Give the object at `start` a member, in the place of an older one of that key."""
         span = self.members(start).get(key)
         if span is None:
-            self._insert_member(start, key, dumps(value))
+            self._added.setdefault(start, {})[key] = dumps(value)
         else:
             self.replace(span, value)
 
     def apply(self) -> str:
         """The edited text."""
+        edits = [(start, end, new) for (start, end), new in self._replaced.items()]
+        for key, values in self._appended.items():
+            if span := self.members().get(key):
+                comma = "," if self.elements(span[0]) else ""
+                edits.append((span[1] - 1, span[1] - 1, comma + ",".join(values)))
+        for start, added in self._added.items():
+            members = self.members(start)
+            last = max((end for _, end in members.values()), default=self._skip(start) + 1)
+            end = self._skip(last)
+            new = ",".join(f"{dumps(key)}:{value}" for key, value in added.items())
+            edits.append((end, end, f",{new}" if members else new))
         parts, at = [], 0
-        # Stable: several insertions at one place keep their order.
-        for start, end, new in sorted(self._edits, key=lambda edit: edit[:2]):
+        for start, end, new in sorted(edits):
             parts += [self.text[at:start], new]
             at = end
         return "".join([*parts, self.text[at:]])
-
-    def _insert_member(self, start: int, key: str, value: str) -> None:
-        members = self.members(start)
-        last = max((end for _, end in members.values()), default=self._skip(start) + 1)
-        end = self._skip(last) + 1
-        comma = "," if members or self._inserted(end - 1) else ""
-        self._edits.append((end - 1, end - 1, f"{comma}{dumps(key)}:{value}"))
-
-    def _inserted(self, at: int) -> bool:
-        return any(start == at for start, _, _ in self._edits)
 
     def _next(self, at: int) -> int:
         at = self._skip(at)
