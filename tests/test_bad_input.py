@@ -223,6 +223,19 @@ def test_a_file_name_that_is_no_unicode_fails_at_most_its_own_line(
     assert "boat" in job.animations()
 
 
+def test_a_name_too_long_for_our_files_fails_at_most_its_own_line(
+    job: SmallJob, capsys: Capture
+) -> None:
+    """A recording's name may take all of a file system's 255 bytes; ours are made from it."""
+    longest = "en/" + 83 * "あ"
+    job.line(longest)
+    ran = run_inline(capsys, job)
+    ran.says()
+    assert ran.code in (0, 1)
+    assert job.statuses()[GOOD] == "ok"
+    assert not any(finding["ours"] for finding in job.findings(longest))
+
+
 def test_names_that_look_like_markup_are_shown_as_they_are(job: SmallJob, capsys: Capture) -> None:
     job.line("en/[red] take [/2]").write_bytes(b"")
     ran = run_inline(capsys, job)
@@ -278,7 +291,7 @@ def _plain_usd(path: Path) -> None:
     stage.GetRootLayer().Save()
 
 
-PLAIN_MESH = {"primitives": [{"attributes": {}}]}
+PLAIN_MESH: dict[str, Any] = {"primitives": [{"attributes": {}}]}
 BAD_ASSETS = (
     *(
         pytest.param("cut.glb", _cut_at("crab.glb", at=at), "", id=f"glb-cut-at-{at}")
@@ -638,7 +651,7 @@ def test_a_broken_model_file_is_refused(
 
 RIG = (SAMPLE / "crab.rig.toml").read_text(encoding="utf-8")
 BAD_RIGS = (
-    pytest.param(RIG[:300], ("line",), id="truncated"),
+    pytest.param(RIG[:300], ("end of document",), id="truncated"),
     pytest.param("", ("schema", "animeme.rig/1"), id="empty"),
     pytest.param(RIG.replace("rig/1", "rig/2"), ("animeme.rig/2", "newer animeme"), id="future"),
     pytest.param(

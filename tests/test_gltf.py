@@ -226,6 +226,22 @@ def test_every_form_of_container_takes_an_animation(case: str, tmp_path: Path) -
     animate(source, tmp_path / "out" / "face.glb")
 
 
+def test_values_are_aligned_even_behind_a_chunk_of_odd_length(tmp_path: Path) -> None:
+    text = json.dumps(face(buffers=[{"byteLength": 38}])).encode()
+    text += b" " * (-len(text) % 4)
+    binary = TRIANGLE + b"\1\2"
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(binary), BIN_KIND) + binary
+    header = struct.pack("<4sII", b"glTF", 2, 12 + len(chunks))
+    source, target = saved(tmp_path / "face.glb", header + chunks), tmp_path / "out.glb"
+    try:
+        FORMAT.write(FORMAT.load(source), [line(speech(["jawOpen"]))], target)
+    except InputError:
+        return
+    assert (bin_of(target) or b"").startswith(binary)  # checks the new chunk's length, too
+    Reader(target).weights("hello", np.zeros(1))
+
+
 def test_a_vrm_is_a_glb(tmp_path: Path) -> None:
     source = saved(tmp_path / "face.vrm", glb(face(), (BIN_KIND, TRIANGLE)))
     assert FORMAT.output_suffix(source) == ".vrm"
@@ -261,6 +277,10 @@ DAMAGED = {
     "null animations": glb(face(animations=None)),
     "null animation": glb(face(animations=[None])),
     "too few weights": glb(face(nodes=[{"mesh": 0, "weights": [0.0]}])),
+    "weight out of range": glb(
+        json.dumps(face(nodes=[{"mesh": 0, "weights": [0, 111]}])).replace("111", "1e400")
+    ),
+    "weight of 400 digits": glb(face(nodes=[{"mesh": 0, "weights": [0, 10**400]}])),
     "weights of text": glb(face(nodes=[{"mesh": 0, "weights": ["a", "b"]}])),
     "meshes is an object": glb(face(meshes={})),
 }
@@ -699,6 +719,38 @@ def test_a_new_export_of_the_asset_replaces_what_the_last_run_copied(tmp_path: P
     saved(tmp_path / "in" / "skin.png", b"second")
     animate(source, tmp_path / "out" / "face.gltf")
     assert (tmp_path / "out" / "skin.png").read_bytes() == b"second"
+
+
+def test_a_new_export_replaces_what_all_files_of_one_asset_share(tmp_path: Path) -> None:
+    source = gltf_with_files(tmp_path / "in")
+    saved(tmp_path / "in" / "face.bin", TRIANGLE)
+    for picture in (b"first", b"second"):
+        saved(tmp_path / "in" / "skin.png", picture)
+        for name in ("line1", "line2", "line3"):
+            animate(source, tmp_path / "out" / f"{name}.gltf")
+        assert (tmp_path / "out" / "skin.png").read_bytes() == picture
+
+
+def test_a_new_export_of_a_glb_replaces_the_image_beside_it(tmp_path: Path) -> None:
+    source = face_glb(tmp_path / "in", face(images=[{"uri": "skin.png"}]))
+    for picture in (b"first", b"second"):
+        saved(tmp_path / "in" / "skin.png", picture)
+        animate(source, tmp_path / "out" / "face.glb")
+        assert (tmp_path / "out" / "skin.png").read_bytes() == picture
+
+
+def test_an_image_that_a_glb_of_another_asset_uses_is_not_replaced(tmp_path: Path) -> None:
+    first = face_glb(tmp_path / "a", face(images=[{"uri": "skin.png"}]))
+    second = gltf_with_files(tmp_path / "b")
+    saved(tmp_path / "b" / "face.bin", TRIANGLE)
+    for folder in ("a", "b"):
+        saved(tmp_path / folder / "skin.png", b"same")
+    animate(first, tmp_path / "out" / "a.glb")
+    animate(second, tmp_path / "out" / "b.gltf")
+    saved(tmp_path / "b" / "skin.png", b"new")
+    with pytest.raises(InputError, match="asset-file-clash"):
+        animate(second, tmp_path / "out" / "b.gltf")
+    assert (tmp_path / "out" / "skin.png").read_bytes() == b"same"
 
 
 def test_two_assets_whose_files_clash_do_not_overwrite_each_other(tmp_path: Path) -> None:

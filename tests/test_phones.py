@@ -23,6 +23,7 @@ from animeme.phones import (
 )
 from animeme_stages.align.language import acoustic_phones
 from animeme_stages.synthesize.cohen_massaro import CohenMassaro
+from animeme_stages.synthesize.segments import split_symbol
 
 PROPERTY = settings(deadline=None, derandomize=True, max_examples=150)
 NAN, INF = float("nan"), float("inf")
@@ -170,7 +171,7 @@ def test_every_arpabet_phone_moves_the_shipped_model(symbol: str) -> None:
     assert curves.names == model.controls
     assert curves.duration_s == 0.8
     (ipa,) = track(Phone(symbol, 0.0, 1.0)).ipa()
-    assert ipa in model.table.rows
+    assert "".join(split_symbol(ipa, model.table.rows)) == ipa  # no piece is unknown
 
 
 @pytest.mark.parametrize(
@@ -179,13 +180,13 @@ def test_every_arpabet_phone_moves_the_shipped_model(symbol: str) -> None:
         ("ˈaː", "a"),
         ("t͡s", "ts"),
         ("ɔ̃", "ɔ"),
-        ("õ", "o"),
-        ("õ", "o"),
+        ("\u00f5", "o"),
+        ("o\u0303", "o"),
         ("n̩", "n"),
         ("pʰ", "p"),
         ("lʲ", "l"),
-        ("ç", "ç"),
-        ("ç", "ç"),
+        ("\u00e7", "\u00e7"),
+        ("c\u0327", "\u00e7"),
         ("ɹ", "ɹ"),
         ("eɪ", "eɪ"),
         ("", ""),

@@ -8,7 +8,7 @@ import random
 import select
 import signal
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -467,6 +467,7 @@ def test_a_value_that_cannot_travel_is_an_error_of_its_item(
 def test_an_abandoned_run_leaves_no_process() -> None:
     run = iter(LocalExecutor(2).run("support.work:process_id", range(9), timeout_s=60, retries=1))
     worker = next(run).value
+    assert isinstance(run, Generator)
     run.close()
     with pytest.raises(ProcessLookupError):
         os.kill(worker, 0)

@@ -41,7 +41,9 @@ def run(
 
     Raises:
         JobError: the job cannot be run; all reasons at once.
+        PluginError: a plug-in that it needs cannot be loaded.
         InputError: the output folder cannot be written.
+        ValueError: an argument is none of those that are listed.
 
     Example:
         >>> import animeme, tempfile
@@ -49,6 +51,10 @@ def run(
         >>> report.exit_code, report.count("ok", character="ada", language="en")
         (0, 6)
     """
+    if executor not in ("inline", "local"):
+        raise ValueError(f"executor must be 'inline' or 'local', not {executor!r}")
+    if workers is not None and workers < 1:
+        raise ValueError(f"workers must be at least 1, not {workers}")
     chosen: Executor = InlineExecutor()
     if executor == "local":
         chosen = LocalExecutor(workers or default_workers())
@@ -76,9 +82,10 @@ def align(
 
     Example:
         >>> import animeme
-        >>> folder = "sample_assets/dialogue/en"
-        >>> text = open(f"{folder}/welcome.txt", encoding="utf-8").read()
-        >>> track = animeme.align(f"{folder}/welcome.wav", text).track
+        >>> from pathlib import Path
+        >>> folder = Path("sample_assets/dialogue/en")
+        >>> text = (folder / "welcome.txt").read_text(encoding="utf-8")
+        >>> track = animeme.align(folder / "welcome.wav", text).track
         >>> [word.text for word in track.words][:2], track.phones[0].start_s
         (['welcome', 'back'], 0.0)
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -44,7 +45,8 @@ def find_lines(root: Path, characters: Iterable[str]) -> tuple[Line, ...]:
 
     A recording without transcript is a line, and so is a transcript without recording: what is
     missing shows when it is read. A first folder that bears the name of a character belongs to it;
-    any other folder becomes part of the line's id.
+    any other folder becomes part of the line's id. A character's own recording takes the place of one
+    for all of the same language and id.
 
     Args:
         root: the dialogue folder.
@@ -74,14 +76,22 @@ def _line(language: str, character: str, name: str, files: list[Path]) -> Line:
     findings = []
     for kind, found in (("recordings", audio), ("transcripts", texts)):
         if len(found) > 1:
-            message = f"has {len(found)} {kind}: {', '.join(file.name for file in found)}"
+            message = f"has {len(found)} {kind}: {', '.join(shown(file.name) for file in found)}"
             action = "Keep one of them."
             findings.append(Finding(Severity.ERROR, "line-duplicate", message, action=action))
+    if shown(name) != name:
+        message, action = "its file name is not UTF-8", "Rename it."
+        findings.append(Finding(Severity.ERROR, "line-name-unreadable", message, action=action))
     return Line(
-        name,
-        language,
+        shown(name),
+        shown(language),
         character,
         audio[0] if audio else texts[0].with_suffix(".wav"),
         texts[0] if texts else audio[0].with_suffix(".txt"),
         tuple(findings),
     )
+
+
+def shown(name: str) -> str:
+    """A file name as it can be written down: bytes that are not UTF-8 become escapes."""
+    return os.fsencode(name).decode("utf-8", "backslashreplace")

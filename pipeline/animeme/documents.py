@@ -285,7 +285,7 @@ def problems_of(error: ValidationError, document: type[BaseModel]) -> list[Probl
             action = suggestion(str(entry["loc"][-1]), known)
             problems.append(Problem(path, "unknown key", action))
         elif entry["type"] == "missing":
-            problems.append(Problem(path, "missing"))
+            problems.append(Problem(path, "missing", "Add it; README.md shows a whole document."))
         else:
             message = entry["msg"].rstrip(".").lower()
             problems.append(Problem(path, f"{message} (it is {entry['input']!r:.80})"))
@@ -307,8 +307,8 @@ def _members(document: Any, path: Sequence[int | str]) -> list[str]:
         fields = getattr(document, "model_fields", {})
         if step in fields:
             document = fields[step].annotation
-        arguments = [a for a in get_args(document) if hasattr(a, "model_fields")]
-        document = arguments[-1] if arguments else document
+        else:  # a key of a mapping or a place in a list: go on with what these hold
+            document = next(reversed(get_args(document)), None)
     fields = getattr(document, "model_fields", {})
     return [field.alias or name for name, field in fields.items()]
 

@@ -30,8 +30,15 @@ class Severity(IntEnum):
 
     @classmethod
     def parse(cls, label: str) -> Severity:
-        """The severity called `label` ("info", "warning" or "error")."""
-        return cls[label.upper()]
+        """The severity called `label`.
+
+        Raises:
+            ValueError: it is none of "info", "warning" and "error".
+        """
+        labels = {severity.label: severity for severity in cls}
+        if label not in labels:
+            raise ValueError(f"a severity is one of {', '.join(labels)}, not {label!r}")
+        return labels[label]
 
 
 @dataclass(frozen=True)

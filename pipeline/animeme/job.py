@@ -79,15 +79,15 @@ def read_job(path: Path, *, output: Path | None = None) -> Job:
         JobError: everything that is wrong with it, each with its TOML path.
     """
     data = _parse(path)
-    problems: dict[str, Problem] = {}
+    problems: list[Problem] = []
     try:
         document = JobDocument.model_validate(data)
     except ValidationError as error:
-        problems = {problem.path: problem for problem in problems_of(error, JobDocument)}
-    for problem in _problems(data, path.parent):
-        problems.setdefault(problem.path, problem)
+        problems = problems_of(error, JobDocument)
+    misshapen = {problem.path for problem in problems}
+    problems += [p for p in _problems(data, path.parent) if p.path not in misshapen]
     if problems:
-        raise JobError(str(path), [problems[key] for key in sorted(problems)])
+        raise JobError(str(path), sorted(dict.fromkeys(problems), key=lambda p: p.path))
     return _job(document, path, output)
 
 
@@ -160,7 +160,7 @@ def _broken_model(file: Path) -> Iterator[Problem]:
     except InputError as error:
         yield Problem("model.file", f"{error.place}: {error.problem}", error.action)
     except PluginError as error:
-        yield Problem("model.file", str(error))
+        yield Problem("model.file", f"{file}: {error}")
 
 
 def _character_problems(path: str, section: Mapping[str, Any], folder: Path) -> Iterator[Problem]:
@@ -193,4 +193,4 @@ def _rig_problems(path: str, rig: str, folder: Path) -> Iterator[Problem]:
     try:
         registry.stage("read-rig")(rig, folder)
     except InputError as error:
-        yield Problem(path, f"{error.problem}", error.action)
+        yield Problem(path, f"{error.place}: {error.problem}", error.action)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from animeme import registry
 from animeme.contracts import Format
 from animeme.dialogue import Line
-from animeme.job import Job
-from animeme.tasks import AssetItem, LineItem, Target
+from animeme.job import Job, Layout
+from animeme.tasks import AssetItem, LineItem, Target, alignment_path
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,18 @@ class Plan:
     targets: tuple[Target, ...]
 
     def characters_of(self, line: Line) -> tuple[str, ...]:
-        """Names of the job's characters that speak a line."""
-        names = (character.name for character in self.job.characters)
-        return tuple(name for name in names if line.character in ("", name))
+        """Names of the job's characters that speak a line.
+
+        A character's own recording takes the place of one for all of the same language and id.
+        """
+        if line.character:
+            return (line.character,)
+        names = [character.name for character in self.job.characters]
+        return tuple(n for n in names if (line.language, n, line.id) not in self._own)
+
+    @cached_property
+    def _own(self) -> frozenset[tuple[str, str, str]]:
+        return frozenset((li.language, li.character, li.id) for li in self.lines if li.character)
 
     def line_items(self, spool: Path) -> list[LineItem]:
         """One item per line that has an asset to speak it."""
@@ -42,48 +52,69 @@ class Plan:
                 items.append(LineItem(line, tuple(targets), spool, number))
         return items
 
-    def asset_items(self, good: Mapping[int, float], spool: Path) -> list[AssetItem]:
+    def asset_items(
+        self, good: Callable[[str], Mapping[int, float]], spool: Path
+    ) -> list[AssetItem]:
         """One item per file to write.
 
         Args:
-            good: number of each line that has curves → its length in seconds.
+            good: character → number of each line that has curves → its length in seconds.
             spool: the run's spool folder.
         """
         items: list[AssetItem] = []
         for index, target in enumerate(self.targets):
-            by_language: dict[str, list[tuple[int, str, float]]] = defaultdict(list)
-            for number, length_s in sorted(good.items()):
+            files: dict[tuple[str, Path], list[tuple[int, str, float]]] = defaultdict(list)
+            for number, length_s in sorted(good(target.character).items()):
                 line = self.lines[number]
                 if target.character in self.characters_of(line):
-                    by_language[line.language].append((number, line.id, length_s))
-            for language, lines in sorted(by_language.items()):
-                items += self._files(index, target, language, lines, spool)
+                    file = (line.language, self._file(target, line))
+                    files[file].append((number, line.id, length_s))
+            items += [
+                AssetItem(index, language, tuple(lines), output, spool)
+                for (language, output), lines in sorted(files.items())
+            ]
         return items
 
-    def _files(
-        self,
-        index: int,
-        target: Target,
-        language: str,
-        lines: list[tuple[int, str, float]],
-        spool: Path,
-    ) -> Iterable[AssetItem]:
-        suffix = self.format_of(target).output_suffix(target.asset.source)
-        folder = self.job.output / language
-        layout = {c.name: c.layout for c in self.job.characters}[target.character]
-        if layout == "per-character":
-            output = folder / f"{target.character}{suffix}"
-            return [AssetItem(index, language, tuple(lines), output, spool)]
-        return [
-            AssetItem(
-                index, language, (line,), folder / target.character / f"{line[1]}{suffix}", spool
-            )
-            for line in lines
-        ]
+    def language_files(self, target: Target) -> list[tuple[str, Path]]:
+        """Language and file of each file that holds all lines of a language."""
+        if self._layouts[target.character] != "per-character":
+            return []
+        return sorted({(li.language, self._file(target, li)) for li in self._lines_of(target)})
 
-    def assembly_path(self, target: Target) -> Path:
-        """Where a format that joins languages puts the joined file."""
-        return self.job.output / f"{target.character}{self.format_of(target).assembly_suffix}"
+    def assembly_path(self, target: Target) -> Path | None:
+        """Where a format that joins languages puts the joined file; None where there is none."""
+        suffix = self.format_of(target).assembly_suffix
+        if not suffix or self._layouts[target.character] != "per-character":
+            return None
+        return self.job.output / f"{target.character}{suffix}"
+
+    def possible_outputs(self) -> Iterator[Path]:
+        """Every asset, alignment and report that the run may write."""
+        yield from (self.job.output / name for name in ("report.json", "summary.md", "run.jsonl"))
+        yield from self.possible_assets()
+        yield from (alignment_path(self.job.output, line) for line in self.lines)
+
+    def possible_assets(self) -> Iterator[Path]:
+        """Every asset file that the run may write, side-cars aside."""
+        for target in self.targets:
+            yield from dict.fromkeys(self._file(target, line) for line in self._lines_of(target))
+            path = self.assembly_path(target)
+            yield from () if path is None else (path,)
+
+    def _lines_of(self, target: Target) -> Iterator[Line]:
+        return (line for line in self.lines if target.character in self.characters_of(line))
+
+    def _file(self, target: Target, line: Line) -> Path:
+        """The file of `target` that holds `line`."""
+        suffix = self.format_of(target).output_suffix(target.asset.source)
+        folder = self.job.output / line.language
+        if self._layouts[target.character] == "per-character":
+            return folder / f"{target.character}{suffix}"
+        return folder / target.character / f"{line.id}{suffix}"
+
+    @cached_property
+    def _layouts(self) -> dict[str, Layout]:
+        return {character.name: character.layout for character in self.job.characters}
 
     @staticmethod
     def format_of(target: Target) -> Format:

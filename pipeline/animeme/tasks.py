@@ -134,9 +134,9 @@ def _context(spool: Path) -> RunContext:
 def make_line(item: LineItem) -> LineOutcome:
     """Ingest, align, synthesize and retarget one line; its curves go to the spool."""
     line, context = item.line, _context(item.spool)
-    findings = [replace(finding, line=line.key) for finding in line.findings]
+    findings = list(line.findings)
     if findings:
-        return LineOutcome(0.0, tuple(findings))
+        return LineOutcome(0.0, tuple(replace(f, line=line.key) for f in findings))
     speech: Speech | None = None
     try:
         text: str = registry.stage("read-transcript")(line.transcript)
@@ -144,12 +144,12 @@ def make_line(item: LineItem) -> LineOutcome:
         assert speech is not None
         aligner = registry.aligner(context.aligner)
         alignment = aligner.align(speech, text, language=line.language)
+        findings += [*speech.findings, *alignment.findings, *_animate(item, context, alignment)]
+        _save_alignment(context.output, line, alignment)
     except InputError as error:
-        audio_s = speech.duration_s if speech else 0.0
-        return LineOutcome(audio_s, (Finding.from_error(error, line=line.key),))
-    _save_alignment(context.output, line, alignment)
-    findings += [*speech.findings, *alignment.findings, *_animate(item, context, alignment)]
-    return LineOutcome(speech.duration_s, tuple(replace(f, line=line.key) for f in findings))
+        findings.append(Finding.from_error(error))
+    audio_s = speech.duration_s if speech else 0.0
+    return LineOutcome(audio_s, tuple(replace(f, line=line.key) for f in findings))
 
 
 def alignment_path(output: Path, line: Line) -> Path:

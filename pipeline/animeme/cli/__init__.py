@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import io
+import signal
 import sys
+import threading
 import traceback
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import version
+from types import FrameType
 
 import click
 
@@ -56,6 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point: turns every error into a message and an exit code."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in given
+    _prepare_process()
     from animeme.errors import AnimemeError
 
     try:
@@ -77,6 +82,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )
         sys.exit(EXIT_OURS)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _prepare_process() -> None:
+    """Speak UTF-8 whatever the locale, and tidy up when a scheduler asks us to stop."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(encoding="utf-8", errors="backslashreplace")
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _stop)
+
+
+def _stop(number: int, _: FrameType | None) -> None:
+    sys.exit(128 + number)
 
 
 def _complain(message: str, debug: bool) -> None:

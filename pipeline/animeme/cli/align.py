@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from animeme import api, registry
@@ -45,6 +46,6 @@ def _table(alignment: Alignment) -> Table:
     table = Table("start", "end", "word", "phones")
     for word in track.words:
         inside = [p for p in track.phones if word.start_s <= p.start_s < word.end_s]
-        phones = " ".join(f"{phone.symbol}[dim]{phone.start_s:.2f}[/dim]" for phone in inside)
-        table.add_row(f"{word.start_s:.3f}", f"{word.end_s:.3f}", word.text, phones)
+        phones = " ".join(f"{escape(p.symbol)}[dim]{p.start_s:.2f}[/dim]" for p in inside)
+        table.add_row(f"{word.start_s:.3f}", f"{word.end_s:.3f}", escape(word.text), phones)
     return table

@@ -10,6 +10,7 @@ from typing import Any
 import click
 from packaging.requirements import Requirement
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from animeme import registry
@@ -96,7 +97,7 @@ def _show(found: dict[str, Any]) -> None:
     console.print(f"Core: {core}", highlight=False)
     extras = Table("extra", "installed", "adds", "to install")
     for extra in found["extras"]:
-        install = "" if extra["installed"] else extra["install"]
+        install = "" if extra["installed"] else escape(extra["install"])
         extras.add_row(
             extra["extra"], "yes" if extra["installed"] else "no", extra["adds"], install
         )
@@ -108,5 +109,5 @@ def _show(found: dict[str, Any]) -> None:
             for p in found["plugins"]
             if p["group"] == group
         ]
-        plugins.add_row(group.removeprefix("animeme."), ", ".join(names))
+        plugins.add_row(group.removeprefix("animeme."), escape(", ".join(names)))
     console.print(plugins)

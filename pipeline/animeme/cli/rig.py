@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from animeme import api, registry
@@ -51,6 +52,13 @@ def _bound(character: Character, rig: str) -> tuple[BoundRig | None, InputError 
 
 
 def _write_draft(character: Character, draft: Path) -> None:
+    if draft.suffix.lower() != ".toml":
+        raise InputError(
+            "output-unreadable",
+            "would be no file that a job can name: a draft is TOML",
+            place=str(draft),
+            action="End its name in .toml.",
+        )
     if draft.exists():
         raise InputError(
             "output-exists",
@@ -78,11 +86,13 @@ def _show(character: Character, bound: BoundRig) -> None:
     console = Console()
     console.print(
         f"{character.source}: {len(character.shapes)} shapes on {len(character.meshes)} meshes, "
-        f"profile [bold]{bound.profile.name}[/bold], coverage {bound.coverage:.0%}"
+        f"profile {bound.profile.name}, coverage {bound.coverage:.0%}",
+        markup=False,
+        highlight=False,
     )
     table = Table("profile's shape", "character's shape")
     for shape, own in bound.mapped.items():
-        table.add_row(shape, own)
+        table.add_row(escape(shape), escape(own))
     for shape in bound.missing:
-        table.add_row(shape, "[dim]missing[/dim]")
+        table.add_row(escape(shape), "[dim]missing[/dim]")
     console.print(table)

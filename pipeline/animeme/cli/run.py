@@ -65,7 +65,10 @@ def command(
         )
     summary = (folder / "summary.md").read_text(encoding="utf-8")
     console = Console(stderr=True)
-    console.print(Markdown(summary) if console.is_terminal else summary, soft_wrap=True)
+    if console.is_terminal:
+        console.print(Markdown(summary))
+    else:
+        click.echo(summary, err=True)
     audio_s = sum({line.line: line.audio_s for line in report.lines}.values())
     processes = 1 if executor == "inline" else workers or default_workers()
     click.echo(

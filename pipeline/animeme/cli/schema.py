@@ -19,9 +19,10 @@ def command(kind: str | None, as_json: bool) -> int:
         names = [f"animeme.{name}/{number}" for name, number in kinds]
         click.echo(json.dumps(names) if as_json else "\n".join(names))
         return 0
-    name, _, number = kind.removeprefix("animeme.").partition("/")
-    if (name, int(number) if number.isdigit() else 1) not in kinds:
+    name, _, text = kind.removeprefix("animeme.").partition("/")
+    number = int(text) if text.isdecimal() else 0 if text else 1
+    if (name, number) not in kinds:
         known = ", ".join(known for known, _ in kinds)
         raise click.UsageError(f"there is no document kind '{kind}'. Known: {known}.")
-    click.echo(animeme_schemas.text(name, int(number or 1)), nl=False)
+    click.echo(animeme_schemas.text(name, number), nl=False)
     return 0

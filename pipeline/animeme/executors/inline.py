@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Iterator
+from contextlib import redirect_stdout
 from typing import Any
 
 from animeme.executors import Result, call
@@ -16,4 +18,11 @@ class InlineExecutor:
     ) -> Iterator[Result]:
         """Yield results in order; see `animeme.executors.Executor`."""
         for index, item in enumerate(items):
-            yield call(function, index, item, 1)
+            # Standard output is the caller's; what plug-ins print is for people.
+            with redirect_stdout(sys.stderr):
+                try:
+                    result = call(function, index, item, 1)
+                except SystemExit as quit_:
+                    error = f"it tried to end the process with exit code {quit_.code}"
+                    result = Result(index, "crash", None, error, 1, 0.0, 0.0)
+            yield result

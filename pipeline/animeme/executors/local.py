@@ -8,10 +8,14 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
+import signal
+import threading
 import time
+import traceback
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any
@@ -29,7 +33,7 @@ def default_workers() -> int:
     return os.cpu_count() or 1
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Task:
     index: int
     item: Any
@@ -89,22 +93,17 @@ class LocalExecutor:
                 busy = sum(child.task is not None for child in children)
                 while len(children) < min(self.workers, busy + len(waiting)):
                     children.append(_Child(context, function))
-                for child in children:
-                    if child.task is None and waiting:
-                        _hand_over(child, waiting)
+                for child in [child for child in children if child.task is None]:
+                    if waiting and not _hand_over(child, waiting):
+                        children.remove(child)
                 for child in _ready(children, timeout_s):
-                    result = _collect(child, timeout_s)
-                    if result is None:
-                        continue
+                    task, result = child.task, _collect(child, timeout_s)
+                    child.task = None
                     if result.outcome in ("crash", "timeout"):
                         children.remove(child)
-                        assert child.task is not None
-                        if result.attempt <= retries:
-                            waiting.append(
-                                _Task(child.task.index, child.task.item, result.attempt + 1)
-                            )
+                        if task and result.attempt <= retries:
+                            waiting.append(replace(task, attempt=task.attempt + 1))
                             continue
-                    child.task = None
                     yield result
         except BaseException:
             for child in children:
@@ -120,15 +119,15 @@ class LocalExecutor:
                     os.environ[name] = value
 
 
-def _hand_over(child: _Child, waiting: deque[_Task]) -> None:
-    task = waiting.popleft()
+def _hand_over(child: _Child, waiting: deque[_Task]) -> bool:
+    """Give the child the next task; False if it has died while it was idle, nobody's fault."""
     try:
-        child.give(task)
+        child.give(waiting[0])
     except OSError:
-        # It died while idle; that is nobody's fault. `_collect` will find it gone.
-        child.task = None
-        waiting.appendleft(task)
-        child.process.join()
+        child.kill()
+        return False
+    waiting.popleft()
+    return True
 
 
 def _ready(children: list[_Child], timeout_s: float) -> list[_Child]:
@@ -148,13 +147,12 @@ def _ready(children: list[_Child], timeout_s: float) -> list[_Child]:
     ]
 
 
-def _collect(child: _Child, timeout_s: float) -> Result | None:
+def _collect(child: _Child, timeout_s: float) -> Result:
     """The result of a child that is ready; the child is dead afterwards unless it answered."""
     assert child.task is not None
     try:
         if child.pipe.poll():
-            result: Result = child.pipe.recv()
-            return result
+            return _unpacked(child.pipe.recv_bytes(), child.task)
     except (EOFError, OSError):
         pass
     wall_s = time.monotonic() - child.started
@@ -163,18 +161,47 @@ def _collect(child: _Child, timeout_s: float) -> Result | None:
         child.process.join(timeout=1)
     outcome: Outcome = "crash"
     if child.process.is_alive():
-        outcome, error = "timeout", f"took longer than {timeout_s:.0f} s"
+        outcome, error = "timeout", f"took longer than {timeout_s:g} s"
     else:
         error = f"its process ended with exit code {child.process.exitcode}"
     child.kill()
     return Result(child.task.index, outcome, None, error, child.task.attempt, wall_s, 0.0)
 
 
+def _unpacked(data: bytes, task: _Task) -> Result:
+    try:
+        result: Result = pickle.loads(data)  # from our own child
+    except Exception:  # noqa: BLE001  a value of a plug-in's may do anything when it is loaded
+        error = f"what it returned cannot be loaded here\n{traceback.format_exc()}"
+        return Result(task.index, "error", None, error, task.attempt, 0.0, 0.0)
+    return result
+
+
+def _packed(result: Result) -> bytes:
+    try:
+        return pickle.dumps(result)
+    except Exception:  # noqa: BLE001  as above, when it is saved
+        error = f"what it returned cannot leave its process\n{traceback.format_exc()}"
+        return pickle.dumps(replace(result, outcome="error", value=None, error=error))
+
+
 def _serve(pipe: Connection, function: str) -> None:
     """Run in the child: one task after another until the parent's end of the pipe closes."""
+    # Standard output is the driver's, for --json; what plug-ins print is for people.
+    os.dup2(2, 1)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the driver's to handle
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         while True:
             index, item, attempt = pipe.recv()
-            pipe.send(call(function, index, item, attempt))
-    except (EOFError, BrokenPipeError, KeyboardInterrupt):
+            pipe.send_bytes(_packed(call(function, index, item, attempt)))
+    except (EOFError, BrokenPipeError):
         return
+
+
+def _end_with_parent() -> None:
+    """End this process with its driver, even in the middle of a task."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -148,8 +149,8 @@ class TargetTable:
             raise ValueError("c must be at least 1: below it the curve breaks at every peak")
         if not 0 < self.closure_share < 1:
             raise ValueError("closure_share must lie between 0 and 1")
-        if not self.plateau_s >= 0:
-            raise ValueError("plateau_s must not be negative")
+        if not 0 <= self.plateau_s < math.inf:
+            raise ValueError("plateau_s must be finite and not negative")
 
 
 def _targets(classes: Mapping[str, Any], controls: Sequence[str]) -> Floats:
