@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import unicodedata
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -45,14 +46,14 @@ def find_lines(root: Path, characters: Iterable[str]) -> tuple[Line, ...]:
 
     A recording without transcript is a line, and so is a transcript without recording: what is
     missing shows when it is read. A first folder that bears the name of a character belongs to it;
-    any other folder becomes part of the line's id. A character's own recording takes the place of one
-    for all of the same language and id.
+    any other folder becomes part of the line's id. A character's own recording takes the place of
+    one for all of the same language and id.
 
     Args:
         root: the dialogue folder.
         characters: names of the job's characters.
     """
-    known = frozenset(characters)
+    known = {_composed(name): name for name in characters}
     groups: dict[tuple[str, str, str], list[Path]] = defaultdict(list)
     for folder in sorted(entry for entry in root.iterdir() if entry.is_dir()):
         for file in sorted(folder.rglob("*")):
@@ -63,8 +64,8 @@ def find_lines(root: Path, characters: Iterable[str]) -> tuple[Line, ...]:
             if not file.is_file():
                 continue
             parts = relative.with_suffix("").parts
-            character = parts[0] if len(parts) > 1 and parts[0] in known else ""
-            name = "/".join(parts[1:] if character else parts)
+            character = known.get(_composed(parts[0]), "") if len(parts) > 1 else ""
+            name = _composed("/".join(parts[1:] if character else parts))
             groups[folder.name, character, name].append(file)
     lines = [_line(*key, files) for key, files in groups.items()]
     return tuple(sorted(lines, key=lambda line: line.key))
@@ -90,6 +91,11 @@ def _line(language: str, character: str, name: str, files: list[Path]) -> Line:
         texts[0] if texts else audio[0].with_suffix(".txt"),
         tuple(findings),
     )
+
+
+def _composed(name: str) -> str:
+    """A name in composed form (NFC): file systems differ in the one that they keep."""
+    return unicodedata.normalize("NFC", name)
 
 
 def shown(name: str) -> str:

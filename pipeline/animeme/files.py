@@ -17,8 +17,8 @@ def atomic_path(target: Path) -> Iterator[Path]:
     """Give a path beside `target` to write to, and rename it to `target` on success.
 
     The file is flushed to disk before it takes its name, so that a crash of the machine leaves the
-    old file or the new one. The temporary keeps `target`'s suffix, by which writers choose a format,
-    and is short, so that it fits wherever `target` does.
+    old file or the new one. The temporary keeps `target`'s suffix, by which writers choose a
+    format, and is short, so that it fits wherever `target` does.
 
     Raises:
         InputError: the folder or the file cannot be written.

@@ -93,10 +93,10 @@ def read_job(path: Path, *, output: Path | None = None) -> Job:
 
 def _parse(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise JobError(str(path), [Problem("", "there is no such job file")]) from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise JobError(str(path), [Problem("", f"is not readable TOML: {error}")]) from error
 
 
@@ -135,7 +135,7 @@ def _problems(data: Mapping[str, Any], folder: Path) -> Iterator[Problem]:
         yield from _broken_model(folder / file)
     characters = data.get("characters")
     for name, section in characters.items() if isinstance(characters, dict) else ():
-        if not name or name.startswith(".") or set(name) & set('/\\:*?"<>|'):
+        if not name.isprintable() or not name.strip(".") or set(name) & set('/\\:*?"<>|'):
             yield Problem(f"characters.{name}", "the name cannot be a file's name")
         if isinstance(section, dict):
             yield from _character_problems(f"characters.{name}", section, folder)

@@ -64,14 +64,16 @@ class Character:
 
 
 _NUMBERED = re.compile(r"^(?P<stem>.*[^\d.])\.?\d+$")
+_PREFIXED = re.compile(r"^.*[.:|](?P<stem>[^\W\d_]{2}.*)$")
 
 
 def canonical_names(per_mesh: Sequence[Sequence[str]]) -> dict[str, str]:
-    """Map each stored shape name to the one it is a numbered copy of, or to itself.
+    """Map each stored shape name to the one it is a copy of, or to itself.
 
-    Exporters that need unique names number them per mesh: ``jawOpen``, ``jawOpen2``, … A number is
-    dropped only where the bare name exists on another mesh and not on the same one, so ``viseme1``
-    and ``viseme2`` of one mesh stay apart.
+    Exporters that need unique names number them per mesh (``jawOpen``, ``jawOpen2``, …) or put
+    the mesh's name before them (``head.jawOpen``, ``teeth.jawOpen``). A number is dropped where
+    the bare name exists on another mesh, a prefix where another mesh has the same name behind
+    another one; never where that would join two shapes of one mesh.
 
     Args:
         per_mesh: the shape names of each mesh.
@@ -80,14 +82,27 @@ def canonical_names(per_mesh: Sequence[Sequence[str]]) -> dict[str, str]:
     for index, names in enumerate(per_mesh):
         for name in names:
             owners.setdefault(name, set()).add(index)
-    result: dict[str, str] = {}
-    for names in per_mesh:
-        for name in names:
-            match = _NUMBERED.match(name)
-            stem = match["stem"] if match else name
-            apart = stem in owners and not owners[stem] & owners[name]
-            result.setdefault(name, stem if apart else name)
-    return result
+    stems = _shared_tails(owners)
+    for name in owners:
+        match = _NUMBERED.match(name)
+        if match and match["stem"] in owners and name not in stems:
+            stems[name] = match["stem"]
+    # Several shapes of one mesh that would become one are variants, not copies.
+    folded: dict[tuple[int, str], set[str]] = {}
+    for name, meshes in owners.items():
+        for mesh in meshes:
+            folded.setdefault((mesh, stems.get(name, name)), set()).add(name)
+    variants = {name for names in folded.values() if len(names) > 1 for name in names}
+    return {name: name if name in variants else stems.get(name, name) for name in owners}
+
+
+def _shared_tails(owners: Mapping[str, set[int]]) -> dict[str, str]:
+    """Prefixed name → what follows the prefix, where meshes differ only in the prefix."""
+    tails: dict[str, list[str]] = {}
+    for name in owners:
+        if match := _PREFIXED.match(name):
+            tails.setdefault(match["stem"], []).append(name)
+    return {name: tail for tail, names in tails.items() if len(names) > 1 for name in names}
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from animeme.phones import Inventory, plain_ipa
 _FOLDER = files("animeme_stages.align").joinpath("languages")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # one object per tag, hashed by identity
 class Language:
     """One language's settings.
 
@@ -24,6 +24,7 @@ class Language:
         voice: espeak-ng voice.
         inventory: of the phones that alignments report.
         decimal: decimal separator; the other of ``.`` and ``,`` groups thousands.
+        decimal_word, minus: how the separator and a minus sign are spoken.
         numbers: num2words locale.
         symbols: sign → words.
         beams: the decoder's, for the first try.
@@ -35,6 +36,8 @@ class Language:
     voice: str
     inventory: Inventory
     decimal: str
+    decimal_word: str
+    minus: str
     numbers: str
     symbols: Mapping[str, str]
     beams: Mapping[str, float]
@@ -49,7 +52,6 @@ def languages() -> tuple[str, ...]:
     )
 
 
-@cache
 def language(tag: str) -> Language:
     """The language of a BCP-47 tag; region and script subtags are looked past.
 
@@ -64,6 +66,11 @@ def language(tag: str) -> Language:
             place=tag,
             action=f"Known languages: {', '.join(languages())}. Folders are named by BCP-47 tag.",
         )
+    return _read(primary)
+
+
+@cache
+def _read(primary: str) -> Language:
     data = tomllib.loads(_FOLDER.joinpath(f"{primary}.toml").read_text(encoding="utf-8"))
     return Language(tag=primary, **data)
 

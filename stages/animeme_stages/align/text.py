@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 from num2words import num2words
 
@@ -12,11 +14,13 @@ from animeme_stages.align.language import Language
 
 # Stage directions and engine tags are not spoken.
 _TAG = re.compile(r"<[^<>]*>|\[[^\[\]]*\]")
-_LETTERS = r"[^\W\d_][^\W\d_\u0300-\u036f]*[\u0300-\u036f]*"
-_TOKEN = re.compile(
-    rf"(?P<number>\d+(?:[.,]\d+)*)|(?P<word>{_LETTERS}(?:'{_LETTERS})*)|(?P<sign>\S)"
-)
 _APOSTROPHES = str.maketrans({"’": "'", "‘": "'", "ʼ": "'", "`": "'", "´": "'"})
+_SOFT_HYPHEN = "\u00ad"
+# A letter with the accents that are written after it.
+_LETTERS = rf"(?:[^\W\d_][\u0300-\u036f{_SOFT_HYPHEN}]*)+"
+_CURRENCY = "$€£"
+# Longer runs of digits are serial numbers, read one by one; num2words has no names for them.
+_LONGEST_NUMBER = 12
 
 
 @dataclass(frozen=True)
@@ -35,34 +39,77 @@ def tokens(text: str, language: Language) -> list[Token]:
     punctuation separates.
 
     Args:
-        text: the transcript; positions refer to its NFC form.
+        text: the transcript, which the positions refer to.
         language: whose words numbers become.
     """
-    plain = unicodedata.normalize("NFC", text).translate(_APOSTROPHES)
+    plain = text.translate(_APOSTROPHES)
     plain = _TAG.sub(lambda match: " " * len(match[0]), plain)
     found: list[Token] = []
-    for match in _TOKEN.finditer(plain):
-        if match["word"]:
-            spoken = match["word"]
-        elif match["number"]:
-            spoken = _number_words(match["number"], language)
-        else:
-            spoken = language.symbols.get(match["sign"], "")
-        words = spoken.lower().replace("-", " ").replace(",", " ").split()
-        found += [Token(word, match.start(), match.end()) for word in words]
+    for match in _pattern(language.tag, "".join(language.symbols)).finditer(plain):
+        spoken = unicodedata.normalize("NFC", " ".join(_spoken(match, language)))
+        words = spoken.lower().replace(_SOFT_HYPHEN, "").replace("-", " ").replace(",", " ")
+        found += [Token(word, match.start(), match.end()) for word in words.split()]
     return found
 
 
-def _number_words(digits: str, language: Language) -> str:
+@cache
+def _pattern(tag: str, symbols: str) -> re.Pattern[str]:
+    """What can be spoken: numbers with what belongs to them, signs, words."""
+    signs = f"[{re.escape(symbols)}]" if symbols else r"(?!)"
+    ordinal = r"(?P<ordinal>(?:st|nd|rd|th)\b)?" if tag == "en" else ""
+    number = rf"(?:(?P<minus>(?<!\S)[-−])|(?P<currency>[{re.escape(_CURRENCY)}])\s?)?"
+    number += rf"(?P<number>\d+(?:[.,]\d+)*){ordinal}"
+    return re.compile(rf"{number}|(?P<sign>{signs})|(?P<word>{_LETTERS}(?:'{_LETTERS})*)", re.I)
+
+
+def _spoken(match: re.Match[str], language: Language) -> Iterator[str]:
+    """What one match of `_pattern` is read as."""
+    if match["word"]:
+        yield match["word"]
+    elif match["sign"]:
+        yield language.symbols[match["sign"]]
+    else:
+        digits = "".join(str(int(c)) if c.isdigit() else c for c in match["number"])
+        if match["minus"]:
+            yield language.minus
+        if "ordinal" in match.re.groupindex and match["ordinal"] and _is_plain(digits):
+            yield str(num2words(int(digits), to="ordinal", lang=language.numbers))
+        else:
+            yield from _number_words(digits, language)
+        if match["currency"]:
+            yield language.symbols.get(match["currency"], "")
+
+
+def _number_words(digits: str, language: Language) -> Iterator[str]:
     """Words for a number as written, with the language's separators."""
     thousands = "," if language.decimal == "." else "."
-    if re.fullmatch(rf"\d{{1,3}}(\{thousands}\d{{3}})+", digits):
-        digits = digits.replace(thousands, "")
-    if digits.isdigit():
-        # Longer runs are serial numbers, read one by one, and num2words has no names for them.
-        values = [digits] if len(digits) <= 12 else list(digits)
-        return " ".join(num2words(int(value), lang=language.numbers) for value in values)
-    parts = re.split(r"[.,]", digits)
-    if len(parts) == 2 and language.decimal in digits:
-        return str(num2words(float(f"{parts[0]}.{parts[1]}"), lang=language.numbers))
-    return " ".join(_number_words(part, language) for part in parts)
+    whole, *rest = digits.split(language.decimal)
+    if len(rest) > 1:  # no number: a version, a date, an address
+        for part in digits.split(language.decimal):
+            yield from _number_words(part, language)
+        return
+    if re.fullmatch(rf"\d{{1,3}}(?:\{thousands}\d{{3}})+", whole):
+        whole = whole.replace(thousands, "")
+    for part in re.split(r"[.,]", whole):
+        yield from _whole_words(part, language)
+    if rest:
+        yield language.decimal_word
+        for part in rest[0].split(thousands):
+            yield from (_name(digit, language) for digit in part)
+
+
+def _whole_words(digits: str, language: Language) -> Iterator[str]:
+    if _is_plain(digits):
+        yield _name(digits, language)
+    else:
+        yield from (_name(digit, language) for digit in digits)
+
+
+def _is_plain(digits: str) -> bool:
+    """Whether digits are read as one number; a leading zero is part of what is said."""
+    return digits.isdigit() and len(digits) <= _LONGEST_NUMBER and str(int(digits)) == digits
+
+
+@cache
+def _name(digits: str, language: Language) -> str:
+    return str(num2words(int(digits), lang=language.numbers))

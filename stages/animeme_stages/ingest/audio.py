@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 import soundfile
@@ -14,6 +12,7 @@ from numpy.typing import NDArray
 from animeme.contracts import Speech
 from animeme.errors import InputError
 from animeme.findings import Finding, Severity
+from animeme_stages.ingest.audio_length import promised_sound
 
 SPEECH_RATE_HZ = 16_000
 SUFFIXES = (".wav", ".flac", ".mp3", ".ogg", ".opus", ".aiff", ".aif")
@@ -40,7 +39,7 @@ def read_speech(path: Path) -> Speech:
     duration_s = len(samples) / rate_hz
     findings: list[Finding] = []
     if samples.shape[1] > 1:
-        channel = int(np.argmax(np.square(samples).sum(axis=0)))
+        channel = int(np.argmax(np.square(samples, dtype=np.float64).sum(axis=0)))
         message = f"{samples.shape[1]} channels; channel {channel + 1}, the loudest, is used"
         findings.append(Finding(Severity.INFO, "audio-channels", message, place=str(path)))
     else:
@@ -67,16 +66,18 @@ def _decode(path: Path) -> tuple[NDArray[np.float32], int]:
         )
     if path.stat().st_size == 0:
         raise _empty(path)
-    _require_whole_wav(path)
+    promise = promised_sound(path)
+    if promise is not None and promise.missing > 0:
+        raise _truncated(path, "its header promises more sound than there is")
     try:
-        with soundfile.SoundFile(path) as stream:
+        with soundfile.SoundFile(promise.repaired(path) if promise else path) as stream:
             promised = stream.frames
             samples = stream.read(dtype="float32", always_2d=True)
             rate_hz = int(stream.samplerate)
     except (soundfile.SoundFileError, RuntimeError, ValueError) as error:
         raise InputError(
             "audio-unreadable",
-            f"cannot be decoded ({str(error).splitlines()[0].strip().rstrip('.')})",
+            f"cannot be decoded ({_reason(error)})",
             place=str(path),
             action="Export it again as WAV or FLAC.",
         ) from error
@@ -92,6 +93,11 @@ def _decode(path: Path) -> tuple[NDArray[np.float32], int]:
             action="Export it again as WAV or FLAC.",
         )
     return samples, rate_hz
+
+
+def _reason(error: Exception) -> str:
+    """Libsndfile's own words, without the file's name, which the finding has."""
+    return str(error).splitlines()[-1].rpartition(": ")[2].strip().rstrip(".")
 
 
 def _require_voice(path: Path, mono: NDArray[np.float32], duration_s: float) -> None:
@@ -128,29 +134,3 @@ def _truncated(path: Path, detail: str) -> InputError:
         place=str(path),
         action="Copy or export the recording again.",
     )
-
-
-def _require_whole_wav(path: Path) -> None:
-    """Compare a RIFF file's header with its length: libsndfile takes a cut file for a short one."""
-    size = path.stat().st_size
-    with path.open("rb") as stream:
-        head = stream.read(12)
-        if len(head) < 12 or head[:4] not in (b"RIFF", b"RIFX") or head[8:12] != b"WAVE":
-            return
-        order = "<" if head[:4] == b"RIFF" else ">"
-        for name, start, length in _chunks(stream, order, size):
-            # Streamed files promise nothing: 0 or all ones.
-            if name == b"data" and length not in (0, 0xFFFFFFFF) and start + length > size:
-                raise _truncated(path, f"{size - start} of {length} bytes of sound are there")
-
-
-def _chunks(stream: BinaryIO, order: str, size: int) -> list[tuple[bytes, int, int]]:
-    """Name, offset and promised length of each chunk, up to the first that leaves the file."""
-    found = []
-    offset = 12
-    while offset + 8 <= size:
-        stream.seek(offset)
-        name, length = struct.unpack(f"{order}4sI", stream.read(8))
-        found.append((name, offset + 8, length))
-        offset += 8 + length + length % 2
-    return found

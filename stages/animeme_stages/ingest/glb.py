@@ -104,6 +104,8 @@ def _chunks(path: Path, stream: Any, head: bytes) -> tuple[Chunk, ...]:
         if len(header) < 8:
             raise unreadable(path, f"is cut off at byte {offset}, within a chunk's header")
         length, kind = struct.unpack("<II", header)
+        if length % 4:
+            raise unreadable(path, f"has a chunk at byte {offset} that is not a multiple of 4 long")
         if offset + 8 + length > size:
             raise unreadable(path, f"has a chunk at byte {offset} that leaves the file")
         found.append(Chunk(kind, offset + 8, length))

@@ -88,14 +88,17 @@ def _weight_problems(
     holder: Mapping[str, Any], count: int, pointer: str
 ) -> Iterator[tuple[str, str]]:
     weights = holder.get("weights")
-    if weights is None:
+    if weights is None or not count:
         return
-    if not isinstance(weights, list) or not all(
-        isinstance(w, int | float) and not isinstance(w, bool) for w in weights
-    ):
+    if not isinstance(weights, list) or not all(map(_is_float32, weights)):
         yield f"{pointer}/weights", "not a list of numbers"
     elif weights and len(weights) != count:
         yield f"{pointer}/weights", f"{len(weights)} weights for {count} morph targets"
+
+
+def _is_float32(value: Any) -> bool:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and abs(value) <= 3.4e38
 
 
 def target_count(mesh: Mapping[str, Any]) -> int:

@@ -74,5 +74,6 @@ def _guess(shape: str) -> tuple[tuple[str, float], ...]:
 
 
 def _toml(text: str) -> str:
-    """A basic TOML string: JSON's escapes are a subset of TOML's."""
-    return json.dumps(text, ensure_ascii=False)
+    """A basic TOML string: JSON's escapes are a subset of TOML's, which forbids DEL unescaped."""
+    sound = text.encode("utf-8", "replace").decode("utf-8")
+    return json.dumps(sound, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -85,15 +85,16 @@ def spelling(name: str) -> str:
         >>> spelling("mouthSmile_L") == spelling("Head.MouthSmileLeft")
         True
     """
-    tail = re.split(r"[.:|]", name)[-1]
-    tail = re.sub(r"[ _-]?(?<![A-Z])L$", "Left", tail)
-    tail = re.sub(r"[ _-]?(?<![A-Z])R$", "Right", tail)
+    bare = re.sub(r"\.\d{3}$", "", name)  # Blender's mark of a copy
+    bare = re.sub(r"(?:[._ -][Ll]|(?<=[a-z])L)$", "Left", bare)
+    bare = re.sub(r"(?:[._ -][Rr]|(?<=[a-z])R)$", "Right", bare)
+    tail = re.split(r"[.:|]", bare)[-1]
     return re.sub(r"[\W_]", "", tail).lower()
 
 
 def bind(profile: RigProfile, character: Character) -> BoundRig:
     """Match a profile's shapes to the character's own names, exactly or by `spelling`."""
-    own = {spelling(shape): shape for shape in reversed(character.shapes)}
+    own = {spelling(shape): shape for shape in reversed(character.shapes) if spelling(shape)}
     mapped: dict[str, str] = {}
     missing: list[str] = []
     for shape in profile.shapes:

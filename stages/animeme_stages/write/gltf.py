@@ -89,6 +89,8 @@ class GltfFormat:
             len(container.json.get("accessors", [])), len(container.json.get("bufferViews", []))
         )
         animations = _animations(lines, character, container, appended)
+        for animation in animations if beside.uris else ():
+            animation["extras"] = marked({**animation["extras"]["animeme"], "asset": beside.asset})
         if container.binary:
             text = _edited(container, appended, animations, uri=None)
             copied = beside.copy()
@@ -128,12 +130,12 @@ def _animations(
     appended: _Appended,
 ) -> list[dict[str, Any]]:
     """The glTF animation of each line; their data goes to `appended`."""
-    spoken = {line.name for line in lines}
+    spoken = {(line.name, line.language) for line in lines}
     # Names of all that stays: animations of others, and ours of lines that are not written now.
     taken = {
         str(animation.get("name"))
         for animation in container.json.get("animations", [])
-        if (mark_of(animation) or {}).get("line") not in spoken
+        if _line_of(animation) not in spoken
     }
     made = []
     for line in lines:
@@ -143,6 +145,12 @@ def _animations(
             taken.add(animation["name"])
             made.append(animation)
     return made
+
+
+def _line_of(animation: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Line and language of an animation of ours, None for somebody else's."""
+    note = mark_of(animation)
+    return (str(note.get("line")), str(note.get("language"))) if note is not None else None
 
 
 def _animation(line: LineAnimation, character: Character, appended: _Appended) -> dict[str, Any]:
@@ -256,14 +264,14 @@ def _put_animations(
 ) -> None:
     """Append animations; one that we made before of the same line is replaced."""
     old = {
-        note["line"]: index
+        line: index
         for index, animation in enumerate(container.json.get("animations", []))
-        if (note := mark_of(animation)) and isinstance(note.get("line"), str)
+        if (line := _line_of(animation)) is not None
     }
     spans = splice.elements(splice.members()["animations"][0]) if old else []
     new = []
     for animation in animations:
-        line = animation["extras"]["animeme"]["line"]
+        line = _line_of(animation)
         if line in old:
             splice.replace(spans[old[line]], animation)
         else:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import filecmp
-import json
+import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from urllib.parse import unquote
 
 from animeme.errors import InputError
 from animeme.files import atomic_path
+from animeme_stages.ingest.glb import open_container
 from animeme_stages.ingest.gltf_data import external_uris, local_file
+from animeme_stages.ingest.gltf_document import mark_of
+
+_SUFFIXES = (".gltf", ".glb", ".vrm")
 
 
 @dataclass(frozen=True)
@@ -22,10 +26,12 @@ class Companions:
     Attributes:
         copies: (from, to) of each file that is not there yet as it should be.
         uris: all external URIs of the source.
+        asset: what tells outputs of this source from others': its place seen from the output.
     """
 
     copies: tuple[tuple[Path, Path], ...]
     uris: tuple[str, ...]
+    asset: str
 
     def copy(self) -> list[Path]:
         """Copy them and return the new files."""
@@ -38,12 +44,13 @@ class Companions:
 def companions(source: Path, uris: Sequence[str], target: Path) -> Companions:
     """What has to come along from `source` to `target`.
 
-    A file that is there with other content is replaced if `target` is the only asset that refers
-    to it: then it is what an earlier run copied.
+    A file that is there with other content is replaced if every asset that refers to it is an
+    output of the same source: then it is what an earlier run copied.
 
     Raises:
         InputError: a URI leaves the asset's folder, or another asset's file is in the way.
     """
+    asset = PurePath(os.path.relpath(source, target.parent)).as_posix()
     copies = []
     for uri in uris:
         file = local_file(source, uri)
@@ -53,7 +60,7 @@ def companions(source: Path, uris: Sequence[str], target: Path) -> Companions:
         if copy.is_file():
             if filecmp.cmp(file, copy, shallow=False):
                 continue
-            if _referrers(copy, target.parent) != {target.name}:
+            if set(_owners(copy, target.parent)) != {asset}:
                 raise InputError(
                     "asset-file-clash",
                     f"needs '{uri}', but another asset's file of that name is there",
@@ -61,20 +68,21 @@ def companions(source: Path, uris: Sequence[str], target: Path) -> Companions:
                     action="Deliver one of the two as .glb, or rename its file.",
                 )
         copies.append((file, copy))
-    return Companions(tuple(copies), tuple(uris))
+    return Companions(tuple(copies), tuple(uris), asset)
 
 
-def _referrers(file: Path, folder: Path) -> set[str]:
-    """Names of the ``.gltf`` files in `folder` that refer to `file`."""
-    found = set()
-    for asset in folder.glob("*.gltf"):
+def _owners(file: Path, folder: Path) -> Iterator[str]:
+    """For each asset in `folder` that refers to `file`: the source it was made from, "" if none."""
+    for path in sorted(folder.iterdir()):
+        if path.suffix.lower() not in _SUFFIXES:
+            continue
         try:
-            root = json.loads(asset.read_text(encoding="utf-8"))
-            if file in {local_file(asset, uri) for uri in external_uris(root)}:
-                found.add(asset.name)
-        except (InputError, OSError, ValueError, AttributeError, TypeError):
-            found.add(asset.name)  # unreadable: it may be anybody's
-    return found
+            root = open_container(path).json
+            if file in {local_file(path, uri) for uri in external_uris(root)}:
+                notes = [mark_of(animation) for animation in root.get("animations", [])]
+                yield next((str(note.get("asset", "")) for note in notes if note), "")
+        except (InputError, AttributeError, TypeError):
+            yield ""  # unreadable: it may be anybody's
 
 
 def side_car_name(target: Path, taken: Sequence[str]) -> str:
