@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from conftest import SAMPLE
 
 ESPEAK = importlib.util.find_spec("espeakng_loader") is not None
