@@ -7,7 +7,6 @@ from typing import Literal
 
 from animeme import registry
 from animeme.contracts import Alignment, Model
-from animeme.executors import Executor
 from animeme.executors.inline import InlineExecutor
 from animeme.executors.local import LocalExecutor, default_workers
 from animeme.findings import RunReport, Severity
@@ -55,12 +54,13 @@ def run(
         raise ValueError(f"executor must be 'inline' or 'local', not {executor!r}")
     if workers is not None and workers < 1:
         raise ValueError(f"workers must be at least 1, not {workers}")
-    chosen: Executor = InlineExecutor()
-    if executor == "local":
-        chosen = LocalExecutor(workers or default_workers())
     folder = Path(output) if output is not None else None
     severity = Severity.parse(fail_on)
-    return run_job(read_job(Path(job), output=folder), chosen, fail_on=severity, listener=listener)
+    checked = read_job(Path(job), output=folder)
+    if executor == "inline":
+        return run_job(checked, InlineExecutor(), fail_on=severity, listener=listener)
+    with LocalExecutor(workers or default_workers()) as pool:
+        return run_job(checked, pool, fail_on=severity, listener=listener)
 
 
 def align(

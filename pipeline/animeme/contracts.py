@@ -6,7 +6,7 @@ studio's, and pass the same suites (`animeme.testing`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Protocol, Self
@@ -122,6 +122,13 @@ class LineAnimation:
     duration_s: float
 
 
+Verify = Callable[[Path], None]
+
+
+def unverified(_: Path) -> None:
+    """Accept any file."""
+
+
 class Format(Protocol):
     """Reads characters from, and writes animation into, one family of asset files."""
 
@@ -142,12 +149,32 @@ class Format(Protocol):
         """
         ...
 
+    def companions(self, character: Character) -> Mapping[str, Path]:
+        """Other files that `write` puts beside its target: path below its folder → their source.
+
+        Raises:
+            InputError: the asset refers to files outside its folder.
+        """
+        ...
+
     def write(
-        self, character: Character, lines: Sequence[LineAnimation], target: Path
+        self,
+        character: Character,
+        lines: Sequence[LineAnimation],
+        target: Path,
+        *,
+        verify: Verify = unverified,
     ) -> tuple[Path, ...]:
         """Write `character` with one animation per line to `target`, atomically.
 
         The source is only read. Shapes that no curve drives keep their rest weight.
+
+        Args:
+            character: whose asset it is.
+            lines: what to write.
+            target: the file to write.
+            verify: called with the finished file before it takes `target`'s name; if it raises,
+                what was at `target` stays.
 
         Returns:
             Every file written, `target` first.
@@ -158,7 +185,12 @@ class Format(Protocol):
         ...
 
     def write_assembly(
-        self, character: Character, by_language: Mapping[str, Path], target: Path
+        self,
+        character: Character,
+        by_language: Mapping[str, Path],
+        target: Path,
+        *,
+        verify: Verify = unverified,
     ) -> tuple[Path, ...]:
         """Join the files that `write` made for each language, where the format can.
 
@@ -166,6 +198,7 @@ class Format(Protocol):
             character: whose they are.
             by_language: language tag → a file that `write` made.
             target: where to write.
+            verify: as for `write`.
 
         Returns:
             The files written; none where the format has no such thing.
@@ -194,14 +227,12 @@ class LineSubject:
         controls: the model's curves.
         rig: the bound rig.
         shapes: what will be written, after retargeting and key reduction.
-        rest: weight of each shape at rest.
     """
 
     track: PhoneTrack
     controls: CurveSet
     rig: BoundRig
     shapes: CurveSet
-    rest: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -213,14 +244,12 @@ class AssetSubject:
         format: which wrote it.
         output: the file.
         lines: what should be in it.
-        max_error: key-reduction bound of the job, weight units.
     """
 
     character: Character
     format: Format
     output: Path
     lines: tuple[LineAnimation, ...]
-    max_error: float
 
 
 class Check(Protocol):

@@ -18,8 +18,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from animeme.errors import InputError, Problem
 
-Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Number = Annotated[float, Field(allow_inf_nan=False)]
+Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
+Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
 
 class Document(BaseModel):
@@ -71,8 +71,8 @@ class ModelSection(Document):
 class CurvesSection(Document):
     """How curves are sampled."""
 
-    rate_hz: Annotated[float, Field(gt=0, le=1000)] = 60.0
-    max_error: Annotated[float, Field(ge=0, le=0.5)] = Field(
+    rate_hz: Annotated[Number, Field(gt=0, le=1000)] = 60.0
+    max_error: Annotated[Number, Field(ge=0, le=0.5)] = Field(
         0.002, description="Largest error that dropping keys may cause, in weight units."
     )
 

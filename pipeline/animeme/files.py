@@ -6,7 +6,7 @@ import hashlib
 import os
 import secrets
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from animeme.errors import InputError
@@ -25,16 +25,16 @@ def atomic_path(target: Path) -> Iterator[Path]:
     """
     scratch = target.with_name(f".{secrets.token_hex(4)}{target.suffix}")
     try:
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            yield scratch
-            with scratch.open("rb+") as stream:
-                os.fsync(stream.fileno())
-            scratch.replace(target)
-        finally:
-            scratch.unlink(missing_ok=True)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        yield scratch
+        with scratch.open("rb+") as stream:
+            os.fsync(stream.fileno())
+        scratch.replace(target)
     except OSError as error:
         raise unwritable(target, error) from error
+    finally:
+        with suppress(OSError):
+            scratch.unlink(missing_ok=True)
 
 
 def unwritable(target: Path, error: OSError) -> InputError:
@@ -44,6 +44,16 @@ def unwritable(target: Path, error: OSError) -> InputError:
         f"cannot be written: {error.strerror or error}",
         place=str(target),
         action="Choose another output folder, or free space and permissions there.",
+    )
+
+
+def unreadable(path: Path, code: str, error: OSError) -> InputError:
+    """The error to raise when the file at `path` is there and cannot be read."""
+    return InputError(
+        code,
+        f"cannot be read: {error.strerror or error}",
+        place=str(path),
+        action="Check its permissions, and the disk or share that it is on.",
     )
 
 

@@ -150,7 +150,7 @@ def _text(data: Mapping[str, Any], section: str, key: str) -> str | None:
 def _unknown_plugin(group: str, path: str, name: str | None) -> Iterator[Problem]:
     known = registry.plugins(group)
     if name is not None and name not in known:
-        kind = path.rpartition(".")[0]
+        kind = group.removeprefix("animeme.").removesuffix("s")
         yield Problem(path, f"there is no {kind} '{name}'", suggestion(name, known))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TextIO
@@ -12,7 +13,14 @@ from typing import Any, TextIO
 from animeme.executors import Result
 from animeme.findings import Finding, LineResult, RunReport, Severity, status_of
 from animeme.plan import Plan
-from animeme.tasks import AssetItem, AssetOutcome, LineItem, LineOutcome
+from animeme.tasks import (
+    AssemblyItem,
+    AssetItem,
+    AssetOutcome,
+    LineItem,
+    LineOutcome,
+    alignment_path,
+)
 
 
 @dataclass
@@ -36,6 +44,8 @@ class Ledger:
     general: list[Finding] = field(default_factory=list)
     outputs: dict[tuple[int, str], set[Path]] = field(default_factory=lambda: defaultdict(set))
     written: set[Path] = field(default_factory=set)
+    _failed: set[int] = field(default_factory=set)
+    _lost: dict[str, list[Finding]] = field(default_factory=dict)
 
     def record(self, event: str, **data: Any) -> None:
         """Write one event to the log."""
@@ -48,10 +58,10 @@ class Ledger:
         outcome: LineOutcome | None = result.value
         if outcome is None:
             fault = _fault(result, str(item.line.audio))
-            self.findings[item.number].append(replace(fault, line=item.line.key))
+            self._add(item.number, [replace(fault, line=item.line.key)])
         else:
             self.audio_s[item.number] = outcome.audio_s
-            self.findings[item.number] += outcome.findings
+            self._add(item.number, outcome.findings)
         status = status_of(self.findings[item.number])
         self.record("line", line=item.line.key, status=status, **_effort(result))
 
@@ -63,12 +73,22 @@ class Ledger:
         for number, name, _ in item.lines:
             line = self.plan.lines[number].key
             own = (finding for finding in findings if finding.line in ("", name))
-            self.findings[number] += [replace(f, line=line, character=character) for f in own]
+            self._add(number, (replace(f, line=line, character=character) for f in own))
             self.outputs[number, character] |= set(outcome.outputs if outcome else ())
         self.written |= set(outcome.outputs if outcome else ())
         self.record(
             "asset", output=self._relative(item.output), lines=len(item.lines), **_effort(result)
         )
+
+    def end_assembly(self, item: AssemblyItem, result: Result) -> None:
+        """Take in how the work on a file that joins languages ended."""
+        character = self.plan.targets[item.target].character
+        outcome: AssetOutcome | None = result.value
+        findings = (_fault(result, str(item.output)),) if outcome is None else outcome.findings
+        # Its lines are in the languages' own files: what is wrong here fails none of them.
+        self.general += [replace(finding, character=character) for finding in findings]
+        self.written |= set(outcome.outputs if outcome else ())
+        self.record("assembly", output=self._relative(item.output), **_effort(result))
 
     def good(self, character: str) -> dict[int, float]:
         """Lines that have curves for a character, with their length in seconds."""
@@ -82,12 +102,33 @@ class Ledger:
             )
         }
 
+    def fresh(self) -> set[Path]:
+        """Every file that this run wrote, alignments included."""
+        aligned = {
+            alignment_path(self.plan.job.output, self.plan.lines[number])
+            for number, length_s in self.audio_s.items()
+            if length_s and number not in self._failed
+        }
+        return self.written | aligned
+
+    @property
     def failed(self) -> int:
         """How many lines have failed so far."""
-        return sum(status_of(findings) == "failed" for findings in self.findings.values())
+        return len(self._failed)
+
+    def _add(self, number: int, findings: Iterable[Finding]) -> None:
+        new = list(findings)
+        self.findings[number] += new
+        if any(finding.severity == Severity.ERROR for finding in new):
+            self._failed.add(number)
 
     def report(self, fail_on: Severity) -> RunReport:
         """The report of what has been recorded."""
+        driven = {target.character for target in self.plan.targets}
+        self._lost = defaultdict(list)
+        for finding in self.general:
+            if finding.severity == Severity.ERROR and finding.character not in driven:
+                self._lost[finding.character].append(finding)
         lines = [
             self._line_result(number, character)
             for number, line in enumerate(self.plan.lines)
@@ -107,8 +148,7 @@ class Ledger:
         # An asset that could not be loaded fails every line of its character.
         findings += [
             replace(f, line=line.key, message=f"its character's asset cannot be used: {f.message}")
-            for f in self.general
-            if f.character == character and f.severity == Severity.ERROR
+            for f in self._lost.get(character, ())
         ]
         distinct = dict.fromkeys(replace(f, character=character) for f in findings)
         return LineResult(

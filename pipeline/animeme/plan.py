@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +12,9 @@ from animeme import registry
 from animeme.contracts import Format
 from animeme.dialogue import Line
 from animeme.job import Job, Layout
-from animeme.tasks import AssetItem, LineItem, Target, alignment_path
+from animeme.tasks import AssemblyItem, AssetItem, LineItem, Target, alignment_path
+
+REPORT_NAMES = ("report.json", "summary.md", "run.jsonl")
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,16 @@ class Plan:
             ]
         return items
 
+    def assembly_items(self, written: Collection[Path], spool: Path) -> list[AssemblyItem]:
+        """One item per file that joins the languages of an asset, of those that were written."""
+        items = []
+        for index, target in enumerate(self.targets):
+            path = self.assembly_path(target)
+            files = tuple(entry for entry in self.language_files(target) if entry[1] in written)
+            if path is not None and files:
+                items.append(AssemblyItem(index, files, path, spool))
+        return items
+
     def language_files(self, target: Target) -> list[tuple[str, Path]]:
         """Language and file of each file that holds all lines of a language."""
         if self._layouts[target.character] != "per-character":
@@ -90,12 +102,16 @@ class Plan:
 
     def possible_outputs(self) -> Iterator[Path]:
         """Every asset, alignment and report that the run may write."""
-        yield from (self.job.output / name for name in ("report.json", "summary.md", "run.jsonl"))
-        yield from self.possible_assets()
-        yield from (alignment_path(self.job.output, line) for line in self.lines)
+        yield from (self.job.output / name for name in REPORT_NAMES)
+        yield from self.possible_files()
+        for target in self.targets:
+            beside = self.format_of(target).companions(target.asset)
+            folders = {self._file(target, line).parent for line in self._lines_of(target)}
+            yield from (folder / name for folder in sorted(folders) for name in beside)
 
-    def possible_assets(self) -> Iterator[Path]:
-        """Every asset file that the run may write, side-cars aside."""
+    def possible_files(self) -> Iterator[Path]:
+        """Every asset and alignment that the run may write, without what comes along with them."""
+        yield from (alignment_path(self.job.output, line) for line in self.lines)
         for target in self.targets:
             yield from dict.fromkeys(self._file(target, line) for line in self._lines_of(target))
             path = self.assembly_path(target)

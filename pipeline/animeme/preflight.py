@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import filecmp
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -120,9 +121,9 @@ def _inputs(plan: Plan) -> Iterator[Path]:
 
 
 def stale_outputs(plan: Plan, written: Iterable[Path]) -> Iterator[Finding]:
-    """A warning for each asset of an earlier run that this one would have written, but did not."""
+    """A warning for each file of an earlier run that this one would have written, but did not."""
     fresh = set(written)
-    for path in plan.possible_assets():
+    for path in plan.possible_files():
         if path not in fresh and path.is_file():
             yield Finding(
                 Severity.WARNING,
@@ -131,3 +132,26 @@ def stale_outputs(plan: Plan, written: Iterable[Path]) -> Iterator[Finding]:
                 place=path.relative_to(plan.job.output).as_posix(),
                 action="Do not deliver it; mend its lines and run again, or delete it.",
             )
+
+
+def require_distinct_companions(plan: Plan) -> None:
+    """Make sure that no two assets bring different files to one place.
+
+    Raises:
+        JobError: names each file that two assets disagree on.
+    """
+    brought: dict[str, tuple[str, Path]] = {}
+    problems = []
+    for target in plan.targets:
+        for name, file in plan.format_of(target).companions(target.asset).items():
+            if not file.is_file():
+                continue
+            character, other = brought.setdefault(name, (target.character, file))
+            if not filecmp.cmp(other, file, shallow=False):
+                message = (
+                    f"'{name}' of its asset is not the one of '{character}', but goes there too"
+                )
+                action = "Deliver one of the two as .glb, or rename its file."
+                problems.append(Problem(f"characters.{target.character}.asset", message, action))
+    if problems:
+        raise JobError(str(plan.job.source), problems)

@@ -19,15 +19,16 @@ from animeme.files import sha256, unwritable
 from animeme.findings import Finding, RunReport, Severity
 from animeme.job import Job
 from animeme.ledger import Ledger
-from animeme.plan import Plan
+from animeme.plan import REPORT_NAMES, Plan
 from animeme.preflight import (
     dialogue_of,
     load_plugins,
     load_targets,
+    require_distinct_companions,
     require_free_outputs,
     stale_outputs,
 )
-from animeme.tasks import RunContext, make_line, save_context, write_asset
+from animeme.tasks import RunContext, join_languages, make_line, save_context, write_asset
 
 # A line of minutes takes seconds; a task beyond these is hung.
 LINE_TIMEOUT_S = 600.0
@@ -80,11 +81,12 @@ def run_job(
         PluginError: a plug-in that the job needs cannot be loaded.
         InputError: the output folder cannot be written.
     """
-    wall, cpu = time.perf_counter(), _cpu_s()
+    wall, cpu = time.perf_counter(), _cpu_s(executor)
     load_plugins(job)
     lines = dialogue_of(job)
     targets, findings = load_targets(job)
     plan = Plan(job, lines, tuple(targets))
+    require_distinct_companions(plan)
     require_free_outputs(plan)
     digests = {target.asset.source: sha256(target.asset.source) for target in targets}
     with _output_folder(job.output) as spool, _log(plan, findings) as ledger:
@@ -92,13 +94,22 @@ def run_job(
         _save_context(plan, spool)
         _do_lines(ledger, executor, listener, spool)
         _do_assets(ledger, executor, listener, spool)
-        _join_languages(ledger)
-        ledger.general += [*_changed_sources(digests), *stale_outputs(plan, ledger.written)]
+        _join_languages(ledger, executor, spool)
+        ledger.general += [*_changed_sources(digests), *stale_outputs(plan, ledger.fresh())]
         report = ledger.report(fail_on)
-        report = replace(report, wall_s=time.perf_counter() - wall, cpu_s=_cpu_s() - cpu)
-        for name in registry.plugins(registry.REPORTS):
-            registry.find(registry.REPORTS, name).load()(report, job.output)
+        report = replace(report, wall_s=time.perf_counter() - wall, cpu_s=_cpu_s(executor) - cpu)
+        report = _write_reports(report, job.output)
         ledger.record("end", exit_code=report.exit_code, wall_s=report.wall_s, cpu_s=report.cpu_s)
+    return report
+
+
+def _write_reports(report: RunReport, output: Path) -> RunReport:
+    """Write the reports; one that cannot be written is itself reported."""
+    for name in registry.plugins(registry.REPORTS):
+        try:
+            registry.find(registry.REPORTS, name).load()(report, output)
+        except InputError as error:
+            report = replace(report, findings=(*report.findings, Finding.from_error(error)))
     return report
 
 
@@ -122,7 +133,7 @@ def _do_lines(ledger: Ledger, executor: Executor, listener: Listener, spool: Pat
     for done, result in enumerate(results, 1):
         item = items[result.index]
         ledger.end_line(item, result)
-        listener(Progress("lines", done, len(items), item.line.key, ledger.failed()))
+        listener(Progress("lines", done, len(items), item.line.key, ledger.failed))
 
 
 def _do_assets(ledger: Ledger, executor: Executor, listener: Listener, spool: Path) -> None:
@@ -131,27 +142,15 @@ def _do_assets(ledger: Ledger, executor: Executor, listener: Listener, spool: Pa
     for done, result in enumerate(results, 1):
         item = items[result.index]
         ledger.end_asset(item, result)
-        listener(Progress("assets", done, len(items), item.output.name, ledger.failed()))
+        listener(Progress("assets", done, len(items), item.output.name, ledger.failed))
 
 
-def _join_languages(ledger: Ledger) -> None:
+def _join_languages(ledger: Ledger, executor: Executor, spool: Path) -> None:
     """Give each format the chance to join its languages in one file."""
-    plan = ledger.plan
-    for target in plan.targets:
-        path = plan.assembly_path(target)
-        if path is None:
-            continue
-        files = {
-            language: file
-            for language, file in plan.language_files(target)
-            if file in ledger.written
-        }
-        try:
-            written = plan.format_of(target).write_assembly(target.asset, files, path)
-        except InputError as error:
-            ledger.general.append(Finding.from_error(error, character=target.character))
-            continue
-        ledger.written |= set(written)
+    items = ledger.plan.assembly_items(ledger.written, spool)
+    results = executor.run(_name(join_languages), items, timeout_s=ASSET_TIMEOUT_S, retries=RETRIES)
+    for result in results:
+        ledger.end_assembly(items[result.index], result)
 
 
 def _changed_sources(digests: dict[Path, str]) -> Iterator[Finding]:
@@ -170,10 +169,10 @@ def _name(function: Callable[..., Any]) -> str:
     return f"{function.__module__}:{function.__qualname__}"
 
 
-def _cpu_s() -> float:
-    """CPU time of this process and of its ended children."""
+def _cpu_s(executor: Executor) -> float:
+    """CPU time of this process, of its ended children and of the executor's living ones."""
     usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages) + executor.cpu_s
 
 
 @contextmanager
@@ -198,6 +197,9 @@ def _output_folder(output: Path) -> Iterator[Path]:
 def _log(plan: Plan, findings: Sequence[Finding]) -> Iterator[Ledger]:
     """A ledger that writes to ``run.jsonl``."""
     path = plan.job.output / "run.jsonl"
+    for name in REPORT_NAMES:  # better now than after the work
+        if (plan.job.output / name).is_dir():
+            raise unwritable(plan.job.output / name, IsADirectoryError("a folder has its name"))
     try:
         log = path.open("w", encoding="utf-8", newline="\n")
     except OSError as error:

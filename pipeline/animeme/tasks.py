@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import pickle
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -21,7 +21,7 @@ from animeme.curves import CurveSet, reduce_keys
 from animeme.dialogue import Line
 from animeme.errors import InputError
 from animeme.files import unwritable, write_text
-from animeme.findings import Finding
+from animeme.findings import Finding, Severity
 from animeme.rig import BoundRig, Character
 
 
@@ -112,6 +112,23 @@ class AssetItem:
 
 
 @dataclass(frozen=True)
+class AssemblyItem:
+    """Work on the file that joins one asset's languages.
+
+    Attributes:
+        target: index into the context's targets.
+        files: (language, file) of each language that was written.
+        output: file to write.
+        spool: the run's spool folder.
+    """
+
+    target: int
+    files: tuple[tuple[str, Path], ...]
+    output: Path
+    spool: Path
+
+
+@dataclass(frozen=True)
 class AssetOutcome:
     """What became of a file: the files written, and what its checks found."""
 
@@ -121,7 +138,11 @@ class AssetOutcome:
 
 def save_context(context: RunContext, spool: Path) -> None:
     """Put the context where every worker finds it."""
-    (spool / "context.pickle").write_bytes(pickle.dumps(context))
+    path = spool / "context.pickle"
+    try:
+        path.write_bytes(pickle.dumps(context))
+    except OSError as error:
+        raise unwritable(path, error) from error
 
 
 @lru_cache(maxsize=1)
@@ -145,7 +166,8 @@ def make_line(item: LineItem) -> LineOutcome:
         aligner = registry.aligner(context.aligner)
         alignment = aligner.align(speech, text, language=line.language)
         findings += [*speech.findings, *alignment.findings, *_animate(item, context, alignment)]
-        _save_alignment(context.output, line, alignment)
+        if not any(finding.severity == Severity.ERROR for finding in findings):
+            _save_alignment(context.output, line, alignment)
     except InputError as error:
         findings.append(Finding.from_error(error))
     audio_s = speech.duration_s if speech else 0.0
@@ -170,7 +192,7 @@ def _animate(item: LineItem, context: RunContext, alignment: Alignment) -> Itera
         rest = target.asset.rest_weights()
         full: CurveSet = registry.stage("retarget")(controls, target.rig, rest)
         shapes = reduce_keys(full, context.max_error)
-        subject = LineSubject(alignment.track, controls, target.rig, shapes, rest)
+        subject = LineSubject(alignment.track, controls, target.rig, shapes)
         for check in registry.checks("line"):
             for finding in check.run(subject):
                 yield replace(finding, character=target.character)
@@ -194,8 +216,12 @@ def _load_curves(path: Path) -> CurveSet:
         return CurveSet(data["times_s"], names, data["weights"])
 
 
+class _RejectedError(Exception):
+    """A written file did not pass its checks."""
+
+
 def write_asset(item: AssetItem) -> AssetOutcome:
-    """Write one asset with its lines, and check what was written."""
+    """Write one asset with its lines; it takes its place only if it passes its checks."""
     context = _context(item.spool)
     target = context.targets[item.target]
     form = registry.format_named(target.asset.format)
@@ -205,14 +231,56 @@ def write_asset(item: AssetItem) -> AssetOutcome:
         )
         for number, name, length_s in item.lines
     )
-    try:
-        outputs = form.write(target.asset, lines, item.output)
-        subject = AssetSubject(target.asset, form, item.output, lines, context.max_error)
-        findings = tuple(
-            replace(finding, character=target.character)
-            for check in registry.checks("asset")
-            for finding in check.run(subject)
+    findings: list[Finding] = []
+
+    def verify(path: Path) -> None:
+        subject = AssetSubject(target.asset, form, path, lines)
+        for check in registry.checks("asset"):
+            findings.extend(check.run(subject))
+        if any(finding.severity == Severity.ERROR for finding in findings):
+            raise _RejectedError
+
+    return _written(
+        lambda: form.write(target.asset, lines, item.output, verify=verify),
+        findings,
+        target.character,
+        item.output,
+    )
+
+
+def join_languages(item: AssemblyItem) -> AssetOutcome:
+    """Write the file that joins one asset's languages, if it does no harm."""
+    target = _context(item.spool).targets[item.target]
+    form = registry.format_named(target.asset.format)
+    findings: list[Finding] = []
+
+    def verify(path: Path) -> None:
+        findings.extend(
+            Finding(Severity.ERROR, "asset-harmed", problem, action="Please report it.", ours=True)
+            for problem in form.harm(target.asset, path)
         )
+        if findings:
+            raise _RejectedError
+
+    files = dict(item.files)
+    return _written(
+        lambda: form.write_assembly(target.asset, files, item.output, verify=verify),
+        findings,
+        target.character,
+        item.output,
+    )
+
+
+def _written(
+    write: Callable[[], tuple[Path, ...]], findings: list[Finding], character: str, output: Path
+) -> AssetOutcome:
+    """Write, and say what came of it."""
+    outputs: tuple[Path, ...] = ()
+    try:
+        outputs = write()
+    except _RejectedError:
+        # The checks saw the file under its temporary name, which is gone.
+        findings = [replace(finding, place=str(output)) for finding in findings]
     except InputError as error:
-        return AssetOutcome((), (Finding.from_error(error, character=target.character),))
-    return AssetOutcome(outputs, findings)
+        findings = [*findings, Finding.from_error(error)]
+    return AssetOutcome(outputs, tuple(replace(f, character=character) for f in findings))

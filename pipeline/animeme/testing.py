@@ -39,6 +39,7 @@ def sample_tracks() -> list[PhoneTrack]:
         _track(["M"], 0.03),
         _track(["B", "B", "M", "P"], 0.03),
         _track(["AA", "M", "IY"], 4.0),
+        _track(["P", "AA"], 120.0),
         PhoneTrack("de", "ipa", (Phone("ʔ", 0, 0.1), Phone("øː", 0.1, 0.3), Phone("ʘ", 0.3, 0.4))),
     ]
 

@@ -50,16 +50,15 @@ class _Commands(click.Group):
 )
 @click.option("--debug", is_flag=True, help="Show Python's traceback of an error.")
 @click.version_option(version("animeme"), prog_name="animeme")
-@click.pass_context
-def cli(ctx: click.Context, debug: bool) -> None:
+def cli(debug: bool) -> None:
     """Make rigged characters speak: dialogue in, blendshape animation in glTF and USD out."""
-    ctx.obj = debug
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point: turns every error into a message and an exit code."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    debug = "--debug" in given
+    debug = "--debug" in given  # also behind the command: it is added when something went wrong
+    given = [argument for argument in given if argument != "--debug"]
     _prepare_process()
     from animeme.errors import AnimemeError
 

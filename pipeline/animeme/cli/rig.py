@@ -54,7 +54,7 @@ def _bound(character: Character, rig: str) -> tuple[BoundRig | None, InputError 
 def _write_draft(character: Character, draft: Path) -> None:
     if draft.suffix.lower() != ".toml":
         raise InputError(
-            "output-unreadable",
+            "draft-not-toml",
             "would be no file that a job can name: a draft is TOML",
             place=str(draft),
             action="End its name in .toml.",

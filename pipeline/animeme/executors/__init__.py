@@ -37,6 +37,11 @@ class Result:
 class Executor(Protocol):
     """Runs one function over many items."""
 
+    @property
+    def cpu_s(self) -> float:
+        """CPU time so far of its processes that are still alive, this one aside."""
+        ...
+
     def run(
         self, function: str, items: Iterable[Any], *, timeout_s: float, retries: int
     ) -> Iterator[Result]:

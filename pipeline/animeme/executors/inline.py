@@ -13,6 +13,8 @@ from animeme.executors import Result, call
 class InlineExecutor:
     """Runs tasks here; a crash takes this process with it, and nothing can time out."""
 
+    cpu_s = 0.0
+
     def run(
         self, function: str, items: Iterable[Any], *, timeout_s: float, retries: int
     ) -> Iterator[Result]:

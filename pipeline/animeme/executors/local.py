@@ -15,10 +15,11 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from typing import Any
+from typing import Any, Self
 
 from animeme.executors import Outcome, Result, call
 
@@ -43,19 +44,18 @@ class _Task:
 class _Child:
     """One process, the pipe to it, and what it is doing."""
 
-    def __init__(self, context: Any, function: str) -> None:
+    def __init__(self, context: Any) -> None:
         self.pipe, theirs = context.Pipe()
-        self.process: BaseProcess = context.Process(
-            target=_serve, args=(theirs, function), daemon=True
-        )
+        self.process: BaseProcess = context.Process(target=_serve, args=(theirs,), daemon=True)
         self.process.start()
         theirs.close()
         self.task: _Task | None = None
         self.started = 0.0
+        self.cpu_s = 0.0
 
-    def give(self, task: _Task) -> None:
+    def give(self, function: str, task: _Task) -> None:
         self.task, self.started = task, time.monotonic()
-        self.pipe.send((task.index, task.item, task.attempt))
+        self.pipe.send((function, task.index, task.item, task.attempt))
 
     def end(self) -> None:
         self.pipe.close()
@@ -70,59 +70,95 @@ class _Child:
         self.pipe.close()
 
 
-@dataclass(frozen=True)
 class LocalExecutor:
     """Runs tasks in `workers` spawned processes.
 
-    Scripts that use it need the usual ``if __name__ == "__main__":`` guard of multiprocessing.
+    Used as a context manager it keeps its processes, and what they have loaded, from one run to the
+    next. Scripts that use it need the usual ``if __name__ == "__main__":`` guard of
+    multiprocessing.
     """
 
-    workers: int
+    def __init__(self, workers: int) -> None:
+        self.workers = workers
+        self._children: list[_Child] = []
+        self._keeps = False
+
+    def __enter__(self) -> Self:
+        self._keeps = True
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._keeps = False
+        self._end()
+
+    @property
+    def cpu_s(self) -> float:
+        """CPU time of the processes that it keeps; the system counts the others' as children's."""
+        return sum(child.cpu_s for child in self._children)
 
     def run(
         self, function: str, items: Iterable[Any], *, timeout_s: float, retries: int
     ) -> Iterator[Result]:
         """Yield results as they come; see `animeme.executors.Executor`."""
         waiting = deque(_Task(index, item) for index, item in enumerate(items))
-        context = multiprocessing.get_context("spawn")
-        children: list[_Child] = []
-        inherited = {name: os.environ.get(name) for name in _SINGLE_THREADED}
-        os.environ.update(dict.fromkeys(_SINGLE_THREADED, "1"))
         try:
-            while waiting or any(child.task for child in children):
-                busy = sum(child.task is not None for child in children)
-                while len(children) < min(self.workers, busy + len(waiting)):
-                    children.append(_Child(context, function))
-                for child in [child for child in children if child.task is None]:
-                    if waiting and not _hand_over(child, waiting):
-                        children.remove(child)
-                for child in _ready(children, timeout_s):
-                    task, result = child.task, _collect(child, timeout_s)
-                    child.task = None
-                    if result.outcome in ("crash", "timeout"):
-                        children.remove(child)
-                        if task and result.attempt <= retries:
-                            waiting.append(replace(task, attempt=task.attempt + 1))
-                            continue
-                    yield result
+            yield from self._results(function, waiting, timeout_s, retries)
         except BaseException:
-            for child in children:
+            for child in self._children:
                 child.kill()
+            self._children.clear()
             raise
         finally:
-            for child in children:
-                child.end()
-            for name, value in inherited.items():
-                if value is None:
-                    os.environ.pop(name, None)
-                else:
-                    os.environ[name] = value
+            if not self._keeps:
+                self._end()
+
+    def _results(
+        self, function: str, waiting: deque[_Task], timeout_s: float, retries: int
+    ) -> Iterator[Result]:
+        children = self._children
+        while waiting or any(child.task for child in children):
+            busy = sum(child.task is not None for child in children)
+            with _single_threaded():
+                while len(children) < min(self.workers, busy + len(waiting)):
+                    children.append(_Child(multiprocessing.get_context("spawn")))
+            for child in [child for child in children if child.task is None]:
+                if waiting and not _hand_over(child, function, waiting):
+                    children.remove(child)
+            for child in _ready(children, timeout_s):
+                task, result = child.task, _collect(child, timeout_s)
+                child.task = None
+                if result.outcome in ("crash", "timeout"):
+                    children.remove(child)
+                    if task and result.attempt <= retries:
+                        waiting.append(replace(task, attempt=task.attempt + 1))
+                        continue
+                yield result
+
+    def _end(self) -> None:
+        for child in self._children:
+            child.end()
+        self._children.clear()
 
 
-def _hand_over(child: _Child, waiting: deque[_Task]) -> bool:
+@contextmanager
+def _single_threaded() -> Iterator[None]:
+    """Let processes that are started now use one thread each."""
+    inherited = {name: os.environ.get(name) for name in _SINGLE_THREADED}
+    os.environ.update(dict.fromkeys(_SINGLE_THREADED, "1"))
+    try:
+        yield
+    finally:
+        for name, value in inherited.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def _hand_over(child: _Child, function: str, waiting: deque[_Task]) -> bool:
     """Give the child the next task; False if it has died while it was idle, nobody's fault."""
     try:
-        child.give(waiting[0])
+        child.give(function, waiting[0])
     except OSError:
         child.kill()
         return False
@@ -152,7 +188,8 @@ def _collect(child: _Child, timeout_s: float) -> Result:
     assert child.task is not None
     try:
         if child.pipe.poll():
-            return _unpacked(child.pipe.recv_bytes(), child.task)
+            child.cpu_s, data = child.pipe.recv()
+            return _unpacked(data, child.task)
     except (EOFError, OSError):
         pass
     wall_s = time.monotonic() - child.started
@@ -185,7 +222,7 @@ def _packed(result: Result) -> bytes:
         return pickle.dumps(replace(result, outcome="error", value=None, error=error))
 
 
-def _serve(pipe: Connection, function: str) -> None:
+def _serve(pipe: Connection) -> None:
     """Run in the child: one task after another until the parent's end of the pipe closes."""
     # Standard output is the driver's, for --json; what plug-ins print is for people.
     os.dup2(2, 1)
@@ -193,8 +230,9 @@ def _serve(pipe: Connection, function: str) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         while True:
-            index, item, attempt = pipe.recv()
-            pipe.send_bytes(_packed(call(function, index, item, attempt)))
+            function, index, item, attempt = pipe.recv()
+            data = _packed(call(function, index, item, attempt))
+            pipe.send((time.process_time(), data))
     except (EOFError, BrokenPipeError):
         return
 

@@ -15,24 +15,44 @@ import pocketsphinx
 
 from animeme.contracts import Alignment, Speech
 from animeme.errors import InputError
-from animeme.findings import Finding, Severity
-from animeme.phones import SILENCE, Inventory, Phone, PhoneTrack, Word, contiguous
+from animeme.findings import Finding
+from animeme.phones import Inventory, Phone, PhoneTrack, Word, contiguous
+from animeme_stages.align.doubts import FRAME_S, SHORTEST_PHONE_S, doubt, doubts
 from animeme_stages.align.language import language as language_of
 from animeme_stages.align.language import languages
 from animeme_stages.align.pronounce import SpokenWord, pronounce
 from animeme_stages.align.text import tokens
 
 ACOUSTIC_RATE_HZ = 16_000
-FRAME_S = 0.01
 # A frame's features describe its 25.6 ms window's centre, but frame n is reported as n × 10 ms:
 # half a window less half a hop too early.
 OFFSET_S = (0.025625 - FRAME_S) / 2
-# Every phone model has three states of at least one frame each.
-SHORTEST_PHONE_S = 3 * FRAME_S
+
+# The second pass takes frames × states × 8 bytes: 20 s of speech take 18 MB, 300 s take 1.4 GB.
+LONGEST_PIECE_S = 20.0
+# A cut needs this many frames of pause around it.
+SHORTEST_PAUSE = 8
 
 # A language's own beams are narrow enough to reject most wrong transcripts; wide ones accept 83 %
 # of them. So wide is for what narrow rejects, and its result is only ever "for review".
 WIDE = {"beam": 1e-200, "pbeam": 1e-200, "wbeam": 1e-200}
+
+
+# A word or pause with its first and last frame.
+_Heard = tuple[str, int, int]
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A word as the decoder found it.
+
+    Attributes:
+        name: its key, with the number of the variant in brackets if it is not the first.
+        phones: (acoustic phone, first frame, frames, score) of each.
+    """
+
+    name: str
+    phones: tuple[tuple[str, int, int, int], ...]
 
 
 @dataclass
@@ -71,26 +91,101 @@ class _Decoder:
         self.decoder.process_raw(data, full_utt=True)
         self.decoder.end_utt()
 
-    def align(self, data: bytes, words: Sequence[SpokenWord]) -> Any | None:
-        """PocketSphinx's alignment of `words`, None where the beams lose them."""
+    def align(self, data: bytes, words: Sequence[SpokenWord]) -> list[_Found] | None:
+        """The phones of `words`, None where the beams lose them.
+
+        A long recording is cut at pauses: the second pass keeps a history of frames × states.
+        """
         self.teach(words)
+        if len(data) <= _bytes(LONGEST_PIECE_S):
+            return self._align_piece(data, words, 0)
+        heard = self._first_pass(data, words)
+        if heard is None:
+            return None
+        found: list[_Found] = []
+        for start, end, first, last in _pieces(heard, len(data) // _bytes(FRAME_S)):
+            part = data[start * _bytes(FRAME_S) : end * _bytes(FRAME_S)]
+            piece = self._align_piece(part, words[first:last], start)
+            if piece is None:
+                return None
+            found += piece
+        return found
+
+    def _first_pass(
+        self, data: bytes, words: Sequence[SpokenWord]
+    ) -> list[tuple[str, int, int]] | None:
+        """Words and pauses with their first and last frame; None unless they spell `words`."""
         # The noise tracker carries over from one file to the next and moves boundaries by up to
         # 20 ms; results must not depend on order.
         self.decoder.reinit_feat()
         self.decoder.set_align_text(" ".join(word.key for word in words))
         self.decode(data)
-        hypothesis = self.decoder.hyp()
-        if hypothesis is None:
+        if self.decoder.hyp() is None:
             return None
-        heard = [word.split("(")[0] for word in hypothesis.hypstr.split()]
-        if heard != [word.key for word in words]:
+        heard = [(entry.word, entry.start_frame, entry.end_frame) for entry in self.decoder.seg()]
+        said = [name.split("(")[0] for name, _, _ in heard if not _is_filler(name)]
+        return heard if said == [word.key for word in words] else None
+
+    def _align_piece(
+        self, data: bytes, words: Sequence[SpokenWord], offset: int
+    ) -> list[_Found] | None:
+        if self._first_pass(data, words) is None:
             return None
         try:
             self.decoder.set_alignment()
             self.decode(data)
         except RuntimeError:  # the second pass lost the path that the first one found
             return None
-        return self.decoder.get_alignment()
+        return [
+            _Found(
+                entry.name,
+                tuple((p.name, p.start + offset, p.duration, p.score) for p in entry),
+            )
+            for entry in self.decoder.get_alignment()
+            if not _is_filler(entry.name)
+        ]
+
+
+def _is_filler(name: str) -> bool:
+    """Whether an entry is silence or noise and no word."""
+    return name.startswith(("<", "[", "+", "("))
+
+
+def _bytes(length_s: float) -> int:
+    """Bytes of 16-bit samples in a length of time."""
+    return 2 * round(length_s * ACOUSTIC_RATE_HZ)
+
+
+def _pieces(
+    heard: Sequence[tuple[str, int, int]], frames: int
+) -> Iterator[tuple[int, int, int, int]]:
+    """Cut a recording in the middle of pauses.
+
+    Args:
+        heard: words and pauses with their first and last frame.
+        frames: length of the recording.
+
+    Yields:
+        First frame, end frame, first word and end word of each piece: as long as allowed, or up to
+        the next pause where there is none in time.
+    """
+    longest = round(LONGEST_PIECE_S / FRAME_S)
+    start = first = word = 0
+    cut: tuple[int, int] | None = None
+    for name, begin, end in heard:
+        if not _is_filler(name):
+            word += 1
+            continue
+        middle = (begin + end) // 2
+        if cut and middle - start > longest:
+            yield start, cut[0], first, cut[1]
+            start, first = cut
+        if word > first and end - begin >= SHORTEST_PAUSE:
+            cut = (middle, word)
+    if cut and frames - start > longest and cut[1] < word and cut[1] > first:
+        yield start, cut[0], first, cut[1]
+        start, first = cut
+    yield start, frames, first, word
 
 
 class PocketSphinxAligner:
@@ -120,7 +215,7 @@ class PocketSphinxAligner:
         found = narrow.align(data, words)
         if found is None:
             found = self._decoder(WIDE).align(data, words)
-            findings.append(_doubt("align-wide-beams", "only a tolerant second try fitted them"))
+            findings.append(doubt("align-wide-beams", "only a tolerant second try fitted them"))
         if found is None:
             raise InputError(
                 "align-failed",
@@ -129,11 +224,7 @@ class PocketSphinxAligner:
                 action="Listen to the line: a wrong take, a missing sentence, or the wrong file.",
             )
         track = _track(found, words, settings.inventory, language, speech.duration_s)
-        share = _squeezed_share(track)
-        if share > settings.squeezed_share and not findings:
-            findings.append(
-                _doubt("align-squeezed", f"{share:.0%} of the sounds had to be squeezed in")
-            )
+        findings += doubts(track, speech, settings)
         return Alignment(track, tuple(findings))
 
     def _decoder(self, beams: Mapping[str, float]) -> _Decoder:
@@ -141,15 +232,6 @@ class PocketSphinxAligner:
         if key not in self._decoders:
             self._decoders[key] = _Decoder(beams)
         return self._decoders[key]
-
-
-def _doubt(code: str, reason: str) -> Finding:
-    return Finding(
-        Severity.WARNING,
-        code,
-        f"the recording and the transcript may differ: {reason}",
-        action="Listen to the line with its transcript in hand.",
-    )
 
 
 def _samples(speech: Speech) -> bytes:
@@ -175,16 +257,16 @@ def _require_time(words: Sequence[SpokenWord], decoder: _Decoder, speech: Speech
 
 
 def _track(
-    found: Any, words: Sequence[SpokenWord], inventory: Inventory, language: str, duration_s: float
+    found: Sequence[_Found],
+    words: Sequence[SpokenWord],
+    inventory: Inventory,
+    language: str,
+    duration_s: float,
 ) -> PhoneTrack:
-    """Words and phones, in seconds, from PocketSphinx's alignment."""
+    """Words and phones, in seconds, from what the decoder found."""
     phones: list[Phone] = []
     timed: list[Word] = []
-    pending = iter(words)
-    for entry in found:
-        if entry.name.startswith(("<", "[", "+")):  # silence and noise fillers
-            continue
-        word = next(pending)
+    for entry, word in zip(found, words, strict=True):
         spoken = list(_word_phones(entry, word))
         phones += spoken
         source = (word.token.start, word.token.end)
@@ -193,28 +275,20 @@ def _track(
     return PhoneTrack(language, inventory, contiguous(phones, duration_s), tuple(timed))
 
 
-def _word_phones(entry: Any, word: SpokenWord) -> Iterator[Phone]:
-    acoustic = [phone for phone in entry if phone.name != "SIL"]
-    groups = word.phones or tuple((phone.name, (phone.name,)) for phone in acoustic)
+def _word_phones(entry: _Found, word: SpokenWord) -> Iterator[Phone]:
+    acoustic = [phone for phone in entry.phones if phone[0] != "SIL"]
+    groups = word.phones or tuple((name, (name,)) for name, *_ in acoustic)
     cursor = 0
     for symbol, group in groups:
         parts = acoustic[cursor : cursor + len(group)]
         cursor += len(group)
-        frames = sum(part.duration for part in parts)
-        yield Phone(
-            symbol,
-            _seconds(parts[0].start),
-            _seconds(parts[-1].start + parts[-1].duration),
-            round(sum(part.score for part in parts) / frames, 3),
-        )
+        frames = sum(length for _, _, length, _ in parts)
+        score = sum(score for *_, score in parts)
+        _, start, _, _ = parts[0]
+        _, last, length, _ = parts[-1]
+        yield Phone(symbol, _seconds(start), _seconds(last + length), round(score / frames, 3))
 
 
 def _seconds(frame: int) -> float:
     # Rounded to the microsecond, so that documents show times and not binary fractions.
     return round(frame * FRAME_S + OFFSET_S, 6)
-
-
-def _squeezed_share(track: PhoneTrack) -> float:
-    spoken = [phone for phone in track.phones if phone.symbol != SILENCE]
-    squeezed = sum(phone.duration_s < SHORTEST_PHONE_S + FRAME_S / 2 for phone in spoken)
-    return squeezed / len(spoken)

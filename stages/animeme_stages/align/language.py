@@ -29,6 +29,7 @@ class Language:
         symbols: sign → words.
         beams: the decoder's, for the first try.
         squeezed_share: share of phones at their shortest above which a line is for review.
+        score_floor: mean acoustic score per frame below which a line is for review.
     """
 
     tag: str
@@ -42,6 +43,7 @@ class Language:
     symbols: Mapping[str, str]
     beams: Mapping[str, float]
     squeezed_share: float
+    score_floor: float
 
 
 @cache

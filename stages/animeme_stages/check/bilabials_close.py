@@ -27,21 +27,25 @@ class BilabialsClose:
     )
 
     def run(self, subject: LineSubject) -> Iterable[Finding]:
-        """Warn of each bilabial during which the mouth stays open."""
+        """Warn once, of all bilabials during which the mouth stays open."""
         opened = opening(subject)
         if opened is None:
             return
-        times_s = subject.shapes.times_s
+        open_ones = []
         for symbol, phone in zip(subject.track.ipa(), subject.track.phones, strict=True):
-            if symbol not in ("p", "b", "m"):
-                continue
-            at_s = np.linspace(phone.start_s - TOLERANCE_S, phone.end_s + TOLERANCE_S, 16)
-            least = float(np.interp(at_s, times_s, opened).min())
-            if least > CLOSED_BELOW:
-                yield Finding(
-                    Severity.WARNING,
-                    "bilabial-open",
-                    f"the mouth stays open ({least:.2f} of jawOpen) during /{symbol}/",
-                    place=f"{phone.start_s:.2f}–{phone.end_s:.2f} s",
-                    action="Check that the rig profile drives jawOpen and mouthClose rightly.",
-                )
+            if symbol in ("p", "b", "m"):
+                at_s = np.linspace(phone.start_s - TOLERANCE_S, phone.end_s + TOLERANCE_S, 16)
+                least = float(np.interp(at_s, subject.shapes.times_s, opened).min())
+                if least > CLOSED_BELOW:
+                    open_ones.append((least, symbol, phone))
+        if open_ones:
+            least, symbol, phone = max(open_ones, key=lambda entry: entry[0])
+            yield Finding(
+                Severity.WARNING,
+                "bilabial-open",
+                f"the mouth stays open during {len(open_ones)} of /p b m/, most during /{symbol}/ "
+                f"({least:.2f} of jawOpen)",
+                place=f"{phone.start_s:.2f}–{phone.end_s:.2f} s",
+                action="Check that the rig profile drives jawOpen and mouthClose rightly, and "
+                "that the rig rests with its mouth shut.",
+            )

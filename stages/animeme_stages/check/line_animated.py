@@ -29,8 +29,8 @@ class LineAnimated:
         found = subject.format.read_animations(subject.output)
         for line in subject.lines:
             # Where somebody else's animation has the line's name, ours has its language too.
-            names = [n for n in found if n == line.name or n.startswith(f"{line.name}_")]
-            problems = [_difference(line, found[name]) for name in names]
+            names = (line.name, f"{line.name}_{line.language}", f"{line.name}_{line.language}_2")
+            problems = [_difference(line, found[name]) for name in names if name in found]
             if not problems:
                 problem = "its animation is not in the file"
                 yield _finding("animation-missing", line, problem, subject)

@@ -32,5 +32,4 @@ def _driven(subject: LineSubject, control: str) -> Floats | None:
     drive = max(drives, key=lambda entry: abs(entry.gain))
     if drive.shape not in subject.shapes.names or drive.gain == 0:
         return None
-    moved = subject.shapes.curve(drive.shape) - subject.rest.get(drive.shape, 0.0)
-    return np.asarray(moved / drive.gain)
+    return np.asarray(subject.shapes.curve(drive.shape) / drive.gain)

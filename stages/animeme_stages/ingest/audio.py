@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from animeme.contracts import Speech
 from animeme.errors import InputError
+from animeme.files import unreadable
 from animeme.findings import Finding, Severity
 from animeme_stages.ingest.audio_length import promised_sound
 
 SPEECH_RATE_HZ = 16_000
-SUFFIXES = (".wav", ".flac", ".mp3", ".ogg", ".opus", ".aiff", ".aif")
 
 # Quieter than this at its loudest, no voice can be heard over a 16-bit recording's own noise.
 SILENT_PEAK_DBFS = -60.0
@@ -66,14 +66,16 @@ def _decode(path: Path) -> tuple[NDArray[np.float32], int]:
         )
     if path.stat().st_size == 0:
         raise _empty(path)
-    promise = promised_sound(path)
-    if promise is not None and promise.missing > 0:
-        raise _truncated(path, "its header promises more sound than there is")
     try:
+        promise = promised_sound(path)
+        if promise is not None and promise.missing > 0:
+            raise _truncated(path, "its header promises more sound than there is")
         with soundfile.SoundFile(promise.repaired(path) if promise else path) as stream:
             promised = stream.frames
             samples = stream.read(dtype="float32", always_2d=True)
             rate_hz = int(stream.samplerate)
+    except OSError as error:
+        raise unreadable(path, "audio-unreadable", error) from error
     except (soundfile.SoundFileError, RuntimeError, ValueError) as error:
         raise InputError(
             "audio-unreadable",

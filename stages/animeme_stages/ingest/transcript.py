@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from animeme.errors import InputError
+from animeme.files import unreadable
 
 
 def read_transcript(path: Path) -> str:
@@ -20,7 +21,10 @@ def read_transcript(path: Path) -> str:
             place=str(path),
             action="Write what is said into that file.",
         )
-    data = path.read_bytes()
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise unreadable(path, "transcript-unreadable", error) from error
     utf16 = data.startswith((b"\xff\xfe", b"\xfe\xff"))
     try:
         text = data.decode("utf-16" if utf16 else "utf-8-sig").strip()

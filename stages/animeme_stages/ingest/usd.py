@@ -186,7 +186,6 @@ def load_usd(path: Path) -> Character:
         _refuse_instanced(stage, meshes, path)
         if not meshes:
             raise _nothing_to_drive(stage, path)
-        rest = {mesh.skeleton: _rest_weights(stage, mesh.skeleton) for mesh in meshes}
         return Character(
             source=path,
             format="usd",
@@ -195,24 +194,14 @@ def load_usd(path: Path) -> Character:
                     path=str(mesh.path),
                     name=mesh.path.name,
                     shapes=mesh.shapes,
-                    rest=tuple(rest[mesh.skeleton].get(name, 0.0) for name in mesh.shapes),
+                    # USD knows no rest weights: what no animation lists is 0. A face animation
+                    # that the asset came with is no rest pose either; dialogue replaces it.
+                    rest=(0.0,) * len(mesh.shapes),
                 )
                 for mesh in meshes
             ),
             animations=tuple(animation.GetPrim().GetName() for animation in animations(stage)),
         )
-
-
-def _rest_weights(stage: Usd.Stage, skeleton: Sdf.Path) -> dict[str, float]:
-    """First weights of the animation that the skeleton came with, by stored name."""
-    animation = bound_animation(stage, skeleton)
-    if animation is None:
-        return {}
-    names = shape_names(animation)
-    _, rows = weight_samples(animation)
-    if not rows or len(rows[0]) != len(names):
-        return {}  # UsdSkel ignores such weights too
-    return dict(zip(names, rows[0].astype(float).tolist(), strict=True))
 
 
 def _refuse_instanced(stage: Usd.Stage, meshes: tuple[SpeakingMesh, ...], path: Path) -> None:

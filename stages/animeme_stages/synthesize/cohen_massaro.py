@@ -25,6 +25,8 @@ from animeme_stages.synthesize.table import TargetTable
 REACH = 7
 # Keys nearer to each other than this are one key; far below any frame.
 SAME_TIME_S = 1e-4
+# e^-600 is still a number; beyond, dominances are equal, and equally negligible.
+_LARGEST_EXPONENT = 600.0
 # The shortest ramp into a contact: two frames at 60 Hz, so that no sample can jump over it.
 SHORTEST_RAMP_S = 1 / 30
 
@@ -130,7 +132,8 @@ class CohenMassaro:
         after = np.maximum(at_s - arrays.peak_end_s[who], 0.0)[:, None]
         table = self.table
         exponent = table.theta_before * before**table.c + table.theta_after * after**table.c
-        result: Floats = arrays.alpha[who] * np.exp(-exponent)
+        # Far from every peak of a very long phone all dominances would underflow together.
+        result: Floats = arrays.alpha[who] * np.exp(-np.minimum(exponent, _LARGEST_EXPONENT))
         return result
 
     def _faded(self, arrays: _Arrays, who: Any, current: Any, at_s: Floats) -> Floats:

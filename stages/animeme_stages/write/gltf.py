@@ -18,14 +18,14 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from animeme.contracts import LineAnimation
+from animeme.contracts import LineAnimation, Verify, unverified
 from animeme.curves import CurveSet
 from animeme.errors import InputError
 from animeme.files import atomic_path
 from animeme.rig import Character, MeshShapes
 from animeme_stages.ingest.glb import Chunk, Container, open_container
 from animeme_stages.ingest.gltf import load_gltf
-from animeme_stages.ingest.gltf_data import external_uris, weight_animations
+from animeme_stages.ingest.gltf_data import external_uris, local_file, weight_animations
 from animeme_stages.ingest.gltf_document import mark_of, marked
 from animeme_stages.write.gltf_files import companions, side_car_name
 from animeme_stages.write.gltf_harm import harm
@@ -75,8 +75,19 @@ class GltfFormat:
         """The character in the file; see `animeme.contracts.Format`."""
         return load_gltf(path)
 
+    def companions(self, character: Character) -> dict[str, Path]:
+        """Buffers and images in files of their own; see `animeme.contracts.Format`."""
+        source = character.source
+        files = (local_file(source, uri) for uri in external_uris(open_container(source).json))
+        return {file.relative_to(source.parent).as_posix(): file for file in files}
+
     def write(
-        self, character: Character, lines: Sequence[LineAnimation], target: Path
+        self,
+        character: Character,
+        lines: Sequence[LineAnimation],
+        target: Path,
+        *,
+        verify: Verify = unverified,
     ) -> tuple[Path, ...]:
         """Write the source with one animation per line appended.
 
@@ -91,25 +102,30 @@ class GltfFormat:
         animations = _animations(lines, character, container, appended)
         for animation in animations if beside.uris else ():
             animation["extras"] = marked({**animation["extras"]["animeme"], "asset": beside.asset})
-        if container.binary:
-            text = _edited(container, appended, animations, uri=None)
-            copied = beside.copy()
-            with atomic_path(target) as scratch, scratch.open("wb") as stream:
-                _write_glb(stream, container, text, appended)
-            return (target, *copied)
-        side_car = target.with_name(side_car_name(target, beside.uris))
-        text = _edited(container, appended, animations, uri=quote(side_car.name))
-        copied = beside.copy()
-        if appended.data:
+        name = None if container.binary else side_car_name(target, beside.uris)
+        text = _edited(container, appended, animations, uri=quote(name) if name else None)
+        written = [target, *beside.copy()]
+        if name and appended.data:
+            side_car = target.with_name(name)
             with atomic_path(side_car) as scratch:
                 scratch.write_bytes(appended.data)
-            copied.append(side_car)
+            written.append(side_car)
         with atomic_path(target) as scratch:
-            scratch.write_text(text, encoding="utf-8", newline="")
-        return (target, *copied)
+            if container.binary:
+                with scratch.open("wb") as stream:
+                    _write_glb(stream, container, text, appended)
+            else:
+                scratch.write_text(text, encoding="utf-8", newline="")
+            verify(scratch)
+        return tuple(written)
 
     def write_assembly(
-        self, character: Character, by_language: Mapping[str, Path], target: Path
+        self,
+        character: Character,
+        by_language: Mapping[str, Path],
+        target: Path,
+        *,
+        verify: Verify = unverified,
     ) -> tuple[Path, ...]:
         """Write nothing: each language stays a file of its own."""
         return ()

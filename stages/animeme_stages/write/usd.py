@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
 from pxr import Sdf, Usd
 
-from animeme.contracts import LineAnimation
+from animeme.contracts import LineAnimation, Verify, unverified
 from animeme.curves import CurveSet
 from animeme.rig import Character
 from animeme_stages.ingest.usd import load_usd, open_stage, usd_errors
@@ -41,8 +42,17 @@ class UsdFormat:
         """
         return load_usd(path)
 
+    def companions(self, character: Character) -> dict[str, Path]:
+        """None: a layer refers to its source where it is."""
+        return {}
+
     def write(
-        self, character: Character, lines: Sequence[LineAnimation], target: Path
+        self,
+        character: Character,
+        lines: Sequence[LineAnimation],
+        target: Path,
+        *,
+        verify: Verify = unverified,
     ) -> tuple[Path, ...]:
         """Write `lines` to an override layer at `target`: text for ``.usda``, else binary.
 
@@ -61,11 +71,16 @@ class UsdFormat:
             for host in hosts:
                 usd_layer.add_lines(layer, host, character, lines)
                 usd_layer.bind_pointers(layer, stage, host)
-        usd_layer.export(layer, target)
+        usd_layer.export(layer, target, verify)
         return (target,)
 
     def write_assembly(
-        self, character: Character, by_language: Mapping[str, Path], target: Path
+        self,
+        character: Character,
+        by_language: Mapping[str, Path],
+        target: Path,
+        *,
+        verify: Verify = unverified,
     ) -> tuple[Path, ...]:
         """Write a small layer at `target` that joins the languages in a variant set.
 
@@ -83,7 +98,7 @@ class UsdFormat:
         for host in hosts:
             usd_layer.add_languages(layer, host, by_language, target)
             usd_layer.bind_pointers(layer, stage, host)
-        usd_layer.export(layer, target)
+        usd_layer.export(layer, target, verify)
         return (target,)
 
     def read_animations(self, path: Path) -> dict[str, CurveSet]:
@@ -114,5 +129,5 @@ def _require_distinct(lines: Sequence[LineAnimation]) -> None:
     names = [line.name for line in lines]
     if not names:
         raise ValueError("no lines to write")
-    if twice := sorted({name for name in names if names.count(name) > 1}):
+    if twice := sorted(name for name, count in Counter(names).items() if count > 1):
         raise ValueError(f"line names must be distinct; repeated: {', '.join(twice)}")

@@ -10,7 +10,7 @@ from typing import Any
 
 from pxr import Sdf, Tf, Usd, Vt
 
-from animeme.contracts import LineAnimation
+from animeme.contracts import LineAnimation, Verify
 from animeme.files import atomic_path
 from animeme.rig import Character
 from animeme_stages.ingest.usd import CUSTOM_DATA, POINTER
@@ -177,8 +177,8 @@ def _add_line(
         layer.SetTimeSample(values.path, code, Vt.FloatArray.FromNumpy(row))
 
 
-def export(layer: Sdf.Layer, target: Path) -> None:
-    """Write `layer` to `target`, binary or text by its suffix, atomically.
+def export(layer: Sdf.Layer, target: Path, verify: Verify) -> None:
+    """Write `layer` to `target`, binary or text by its suffix, atomically, once it is verified.
 
     Raises:
         InputError: ``output-unwritable``.
@@ -188,6 +188,7 @@ def export(layer: Sdf.Layer, target: Path) -> None:
             layer.Export(str(scratch))
         except Tf.ErrorException as error:
             raise OSError(str(error)) from error
+        verify(scratch)
     # A layer that somebody in this process still holds would hide the new file from us.
     if stale := Sdf.Layer.Find(str(target.absolute())):
         stale.Reload(force=True)

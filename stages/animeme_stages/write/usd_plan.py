@@ -55,14 +55,14 @@ class Rig:
     Attributes:
         skeleton: its prim.
         folder: the scope that holds its lines and their pointer.
-        owned: stored shape name → weight at rest, over all of its meshes.
+        owned: stored shape names of all of its meshes.
         animation: the animation that it came with, if any.
         old: the weights of that.
     """
 
     skeleton: Sdf.Path
     folder: Sdf.Path
-    owned: dict[str, float]
+    owned: tuple[str, ...]
     animation: Sdf.Path | None
     old: OldWeights
 
@@ -98,10 +98,7 @@ def plan(character: Character, stage: Usd.Stage) -> tuple[Host, ...]:
         inside = default and skeleton.HasPrefix(default.GetPath())
         host = default.GetPath() if inside else skeleton.GetPrefixes()[0]
         by_host.setdefault(host, []).append(skeleton)
-    rest = {mesh.path: dict(zip(mesh.shapes, mesh.rest, strict=True)) for mesh in character.meshes}
-    return tuple(
-        _host(stage, path, skeletons, speaking, rest) for path, skeletons in by_host.items()
-    )
+    return tuple(_host(stage, path, skeletons, speaking) for path, skeletons in by_host.items())
 
 
 def _host(
@@ -109,24 +106,19 @@ def _host(
     path: Sdf.Path,
     skeletons: list[Sdf.Path],
     speaking: tuple[SpeakingMesh, ...],
-    rest: dict[str, dict[str, float]],
 ) -> Host:
     scope = path.AppendChild(_free_scope(stage, path))
     _require_free_sets(stage, path, scope)
     names = distinct_identifiers([skeleton.name for skeleton in skeletons])
     rigs = []
     for skeleton, name in zip(skeletons, names, strict=True):
-        owned: dict[str, float] = {}
-        for mesh in speaking:
-            if mesh.skeleton == skeleton:
-                weights = rest.get(str(mesh.path), {})
-                owned |= {shape: weights.get(shape, 0.0) for shape in mesh.shapes}
+        own = (shape for mesh in speaking if mesh.skeleton == skeleton for shape in mesh.shapes)
         animation = bound_animation(stage, skeleton)
         rigs.append(
             Rig(
                 skeleton=skeleton,
                 folder=scope if len(skeletons) == 1 else scope.AppendChild(name),
-                owned=owned,
+                owned=tuple(dict.fromkeys(own)),
                 animation=animation.GetPath() if animation else None,
                 old=_old_weights(animation),
             )
@@ -179,8 +171,6 @@ def shape_weights(
     column = {name: i for i, name in enumerate(curves.names)}
     driven = [name for name in rig.owned if character.canonical[name] in column]
     carried = [i for i, name in enumerate(rig.old.names) if name not in set(driven)]
-    known = {*driven, *rig.old.names}
-    resting = [name for name, rest in rig.owned.items() if rest and name not in known]
 
     codes = curves.times_s * codes_per_s
     ours = curves.weights[:, [column[character.canonical[name]] for name in driven]]
@@ -190,11 +180,8 @@ def shape_weights(
     axis = codes if old.constant else np.union1d(codes, old.codes)
     if len(axis) != len(codes):
         ours = interpolate(codes, ours, axis)
-    still = np.array([rig.owned[name] for name in resting])
-    weights = np.hstack(
-        [ours, interpolate(old.codes, old.weights, axis), np.tile(still, (len(axis), 1))]
-    )
-    return (*driven, *old.names, *resting), axis, weights.astype(np.float32)
+    weights = np.hstack([ours, interpolate(old.codes, old.weights, axis)])
+    return (*driven, *old.names), axis, weights.astype(np.float32)
 
 
 def distinct_identifiers(names: Iterable[str], *, taken: Iterable[str] = ()) -> list[str]:
