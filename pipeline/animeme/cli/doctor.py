@@ -18,7 +18,10 @@ from animeme.errors import PluginError
 
 # What each extra adds, in the words of someone who lacks it.
 _EXTRAS = {
-    "espeak": "German, Spanish and words that the English dictionary lacks",
+    "chinese": "Mandarin Chinese",
+    "espeak": "every language but English, and words that the English dictionary lacks",
+    "g2p-en": "words that the English dictionary lacks, without espeak",
+    "japanese": "Japanese",
     "all": "every optional part",
     "dev": "tools to work on animeme itself",
 }

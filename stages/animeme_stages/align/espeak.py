@@ -7,7 +7,7 @@ asked for. espeak keeps one global state per process, so there is one instance p
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -35,6 +35,7 @@ class Espeak:
 
     library: ctypes.CDLL
     rate_hz: int
+    _voice: str = field(default="", init=False)
 
     def pronounce(self, word: str, voice: str) -> tuple[str, ...]:
         """IPA phones of one word, stress and length marks kept.
@@ -77,6 +78,8 @@ class Espeak:
         return np.concatenate(chunks) if chunks else np.zeros(0, np.int16)
 
     def _set_voice(self, voice: str) -> None:
+        if voice == self._voice:  # loading one takes milliseconds
+            return
         if self.library.espeak_SetVoiceByName(voice.encode()) != 0:
             raise InputError(
                 "language-unknown",
@@ -84,6 +87,7 @@ class Espeak:
                 place=voice,
                 action="Use a language that `animeme doctor` lists.",
             )
+        self._voice = voice
 
 
 @lru_cache(maxsize=1)
