@@ -19,8 +19,8 @@ from animeme.errors import PluginError
 # What each extra adds, in the words of someone who lacks it.
 _EXTRAS = {
     "chinese": "Mandarin Chinese",
-    "espeak": "every language but English, and words that the English dictionary lacks",
-    "g2p-en": "words that the English dictionary lacks, without espeak",
+    "espeak": "all but English, Chinese, Japanese; English words in no dictionary",
+    "g2p-en": "English words in no dictionary, without espeak",
     "japanese": "Japanese",
     "all": "every optional part",
     "dev": "tools to work on animeme itself",
