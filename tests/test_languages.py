@@ -19,10 +19,8 @@ from animeme_stages.synthesize.cohen_massaro import CohenMassaro
 from animeme_stages.synthesize.segments import split_symbol
 
 WORDS = Path(__file__).parent / "fixtures" / "words"
-PROMISED = sorted(
-    ("en", "de", "fr", "es", "it", "pt", "nl", "sv", "pl", "cs", "ru", "uk", "tr", "el")
-    + ("ja", "ko", "zh", "ar", "hi")
-)
+EUROPEAN = ("cs", "de", "el", "en", "es", "fr", "it", "nl", "pl", "pt", "ru", "sv", "tr", "uk")
+PROMISED = (*EUROPEAN, "ar", "hi", "ja", "ko", "zh")
 PACKAGES = {"chinese": "pypinyin", "japanese": "janome"}
 READERS = ("ja", "zh")
 

@@ -21,6 +21,8 @@ _DONT_EXIT = 0x8000
 _CHARS_UTF8 = 1
 _PHONEMES_IPA = 0x02
 _SEPARATOR = "_"
+# Tones, where a word of another script is read in the voice of its own language.
+_TONES = str.maketrans("", "", "0123456789^")
 _POS_CHARACTER = 1
 _PARAM_RATE = 1
 
@@ -54,7 +56,9 @@ class Espeak:
         while pointer.value:  # one clause at a time
             clause = self.library.espeak_TextToPhonemes(ctypes.byref(pointer), _CHARS_UTF8, mode)
             spoken += clause.decode().replace(" ", _SEPARATOR).split(_SEPARATOR)
-        phones = (phone.strip("ˈˌ‍") for phone in spoken if not phone.startswith("("))
+        phones = (
+            phone.translate(_TONES).strip("ˈˌ‍") for phone in spoken if not phone.startswith("(")
+        )
         return tuple(phone for phone in phones if phone)
 
     def speak(self, text: str, voice: str, *, words_per_minute: int = 160) -> NDArray[np.int16]:
