@@ -64,9 +64,10 @@ ARPABET: tuple[tuple[str, str, str], ...] = (
 )
 ARPABET_TO_IPA: dict[str, str] = {symbol: ipa for symbol, ipa, _ in ARPABET}
 
-# Marks that change length, stress, voicing or syllabicity, but not the shape of the mouth. The
-# tilde of nasal vowels is among them: the velum cannot be seen.
-_INVISIBLE_MARKS = frozenset("ˈˌːˑ̯͡ʰˠ̩̃ʲ̪̥̆ˤ̚‿.-")
+# Marks that change length, stress, tone, voicing, syllabicity or the place by less than a class of
+# phones, but not the shape of the mouth. The tilde of nasal vowels is among them: the velum cannot
+# be seen.
+_INVISIBLE_MARKS = frozenset("ˈˌːˑ̯͡ʰˠ̩̃ʲ̪̥̆ˤ̚‿.-̞̠̟͈̈̊ᵝⁿ˥˦˧˨˩")
 
 
 def plain_ipa(symbol: str) -> str:

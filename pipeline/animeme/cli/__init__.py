@@ -18,6 +18,7 @@ import click
 _COMMANDS = {
     "align": "Find when each phone of a recording is spoken.",
     "doctor": "Say what is installed, and what extras would add.",
+    "lexicon": "List the words of a dialogue that no dictionary has.",
     "rig": "Say which rig profile fits an asset, or draft one.",
     "run": "Run a job: characters and dialogue in, animated assets out.",
     "schema": "Print the JSON Schema of a document.",

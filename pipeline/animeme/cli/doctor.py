@@ -18,7 +18,10 @@ from animeme.errors import PluginError
 
 # What each extra adds, in the words of someone who lacks it.
 _EXTRAS = {
-    "espeak": "German, Spanish and words that the English dictionary lacks",
+    "chinese": "Mandarin Chinese",
+    "espeak": "all but English, Chinese, Japanese; English words in no dictionary",
+    "g2p-en": "English words in no dictionary, without espeak",
+    "japanese": "Japanese",
     "all": "every optional part",
     "dev": "tools to work on animeme itself",
 }

@@ -6,6 +6,7 @@ their reasons are measured facts, recorded in ``docs/alignment.md``.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -20,7 +21,7 @@ from animeme.phones import Inventory, Phone, PhoneTrack, Word, contiguous
 from animeme_stages.align.doubts import FRAME_S, SHORTEST_PHONE_S, doubt, doubts
 from animeme_stages.align.language import language as language_of
 from animeme_stages.align.language import languages
-from animeme_stages.align.pronounce import SpokenWord, pronounce
+from animeme_stages.align.pronounce import Pronunciation, SpokenWord, pronounce
 from animeme_stages.align.text import tokens
 
 ACOUSTIC_RATE_HZ = 16_000
@@ -38,6 +39,8 @@ SHORTEST_PAUSE = 8
 WIDE = {"beam": 1e-200, "pbeam": 1e-200, "wbeam": 1e-200}
 
 
+# How the decoder names a word's second and further pronunciations: ``word(2)``.
+_VARIANT = re.compile(r"\((\d+)\)$")
 # A word or pause with its first and last frame.
 _Heard = tuple[str, int, int]
 
@@ -82,8 +85,10 @@ class _Decoder:
     def teach(self, words: Sequence[SpokenWord]) -> None:
         for word in words:
             if word.phones and word.key not in self.taught:
-                acoustic = " ".join(symbol for _, group in word.phones for symbol in group)
-                self.decoder.add_word(word.key, acoustic, False)
+                for number, variant in enumerate(word.variants, 1):
+                    acoustic = " ".join(symbol for _, group in variant for symbol in group)
+                    name = word.key if number == 1 else f"{word.key}({number})"
+                    self.decoder.add_word(name, acoustic, False)
                 self.taught.add(word.key)
 
     def decode(self, data: bytes) -> None:
@@ -243,7 +248,7 @@ def _samples(speech: Speech) -> bytes:
 def _require_time(words: Sequence[SpokenWord], decoder: _Decoder, speech: Speech) -> None:
     """Refuse text that nobody could say in the recording's time."""
     count = sum(
-        sum(len(group) for _, group in word.phones)
+        min((sum(len(group) for _, group in v) for v in word.variants), default=0)
         or len(str(decoder.decoder.lookup_word(word.key)).split())
         for word in words
     )
@@ -277,7 +282,10 @@ def _track(
 
 def _word_phones(entry: _Found, word: SpokenWord) -> Iterator[Phone]:
     acoustic = [phone for phone in entry.phones if phone[0] != "SIL"]
-    groups = word.phones or tuple((name, (name,)) for name, *_ in acoustic)
+    groups: Pronunciation = tuple((name, (name,)) for name, *_ in acoustic)
+    if word.phones:
+        number = _VARIANT.search(entry.name)
+        groups = word.variants[int(number[1]) - 1 if number else 0]
     cursor = 0
     for symbol, group in groups:
         parts = acoustic[cursor : cursor + len(group)]

@@ -7,7 +7,7 @@ asked for. espeak keeps one global state per process, so there is one instance p
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -21,6 +21,8 @@ _DONT_EXIT = 0x8000
 _CHARS_UTF8 = 1
 _PHONEMES_IPA = 0x02
 _SEPARATOR = "_"
+# Tones, where a word of another script is read in the voice of its own language.
+_TONES = str.maketrans("", "", "0123456789^")
 _POS_CHARACTER = 1
 _PARAM_RATE = 1
 
@@ -35,6 +37,7 @@ class Espeak:
 
     library: ctypes.CDLL
     rate_hz: int
+    _voice: str = field(default="", init=False)
 
     def pronounce(self, word: str, voice: str) -> tuple[str, ...]:
         """IPA phones of one word, stress and length marks kept.
@@ -53,7 +56,9 @@ class Espeak:
         while pointer.value:  # one clause at a time
             clause = self.library.espeak_TextToPhonemes(ctypes.byref(pointer), _CHARS_UTF8, mode)
             spoken += clause.decode().replace(" ", _SEPARATOR).split(_SEPARATOR)
-        phones = (phone.strip("ˈˌ‍") for phone in spoken if not phone.startswith("("))
+        phones = (
+            phone.translate(_TONES).strip("ˈˌ‍") for phone in spoken if not phone.startswith("(")
+        )
         return tuple(phone for phone in phones if phone)
 
     def speak(self, text: str, voice: str, *, words_per_minute: int = 160) -> NDArray[np.int16]:
@@ -77,6 +82,8 @@ class Espeak:
         return np.concatenate(chunks) if chunks else np.zeros(0, np.int16)
 
     def _set_voice(self, voice: str) -> None:
+        if voice == self._voice:  # loading one takes milliseconds
+            return
         if self.library.espeak_SetVoiceByName(voice.encode()) != 0:
             raise InputError(
                 "language-unknown",
@@ -84,6 +91,7 @@ class Espeak:
                 place=voice,
                 action="Use a language that `animeme doctor` lists.",
             )
+        self._voice = voice
 
 
 @lru_cache(maxsize=1)

@@ -3,15 +3,45 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cache
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache, cached_property
 from importlib.resources import files
+from typing import Any
 
 from animeme.errors import InputError
 from animeme.phones import Inventory, plain_ipa
 
 _FOLDER = files("animeme_stages.align").joinpath("languages")
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A number that others are counted by: 1000, thousand."""
+
+    value: int
+    name: str
+
+
+@dataclass(frozen=True)
+class Numerals:
+    """Names of numbers, for a language that num2words lacks.
+
+    Attributes:
+        small: names of 0, 1, 2 …
+        scales: from the largest to the smallest; below the smallest, `small` has every name.
+        special: names that are not composed, by number in digits.
+        joint: between parts.
+        gap: said where powers are left out.
+        before_rest: form of a part that another follows.
+    """
+
+    small: tuple[str, ...]
+    scales: tuple[Scale, ...]
+    special: Mapping[str, str] = field(default_factory=dict)
+    joint: str = " "
+    gap: str = ""
+    before_rest: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)  # one object per tag, hashed by identity
@@ -25,11 +55,31 @@ class Language:
         inventory: of the phones that alignments report.
         decimal: decimal separator; the other of ``.`` and ``,`` groups thousands.
         decimal_word, minus: how the separator and a minus sign are spoken.
-        numbers: num2words locale.
+        numbers: num2words locale, "" where it has none and `numerals` names the numbers.
         symbols: sign → words.
         beams: the decoder's, for the first try.
         squeezed_share: share of phones at their shortest above which a line is for review.
         score_floor: mean acoustic score per frame below which a line is for review.
+        accents: espeak-ng voices whose pronunciations are offered too.
+        reader: "chinese" or "japanese" where words and sounds need one, which is also its extra.
+        sounds: the reader's units (kana, or initials and finals of pinyin) → IPA.
+        ipa: espeak-ng's own spelling of a phone → IPA.
+        numerals: names of the numbers where num2words has none.
+        respell: mends num2words' spelling, part by part.
+        blanks: blanks group thousands too.
+        grouping: regular expression of a whole number whose thousands are grouped.
+        one: 1 before a noun, "" if it is said as it is counted.
+        plural: rule that chooses among the forms of units and currencies.
+        units, currencies: abbreviation or sign → forms of the noun.
+        magnitudes: words that stand between a number and its currency, but are said before it.
+        cents: the two decimals of a sum are said after the currency.
+        percent: what is said before a number that ``%`` follows, "" if it is said after it.
+        abbreviations: as written → words; blanks in them are optional.
+        ordinal: ``suffix``, a regular expression after digits, and ``ending``, added to it.
+        ordinals: ordinals that num2words lacks or gets wrong, by number in digits.
+        time: how ``10:30`` (words), ``10:00`` (full), ``10:05`` (early) are said, the same at one
+            o'clock (words_one …), names of the hours, and a word to take along (after).
+        date: how an ISO date is said, with months and the forms of day and year.
     """
 
     tag: str
@@ -44,6 +94,50 @@ class Language:
     beams: Mapping[str, float]
     squeezed_share: float
     score_floor: float
+    accents: tuple[str, ...] = ()
+    reader: str = ""
+    sounds: Mapping[str, str] = field(default_factory=dict)
+    ipa: Mapping[str, str] = field(default_factory=dict)
+    numerals: Numerals | None = None
+    respell: Mapping[str, str] = field(default_factory=dict)
+    blanks: bool = False
+    grouping: str = ""
+    one: str = ""
+    plural: str = "one"
+    units: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    currencies: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    magnitudes: Sequence[str] = ()
+    cents: bool = True
+    percent: str = ""
+    abbreviations: Mapping[str, str] = field(default_factory=dict)
+    ordinal: Mapping[str, str] = field(default_factory=dict)
+    ordinals: Mapping[str, str] = field(default_factory=dict)
+    time: Mapping[str, str] = field(default_factory=dict)
+    date: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def thousands(self) -> str:
+        """Separator that groups thousands."""
+        return "," if self.decimal == "." else "."
+
+    @cached_property
+    def signs(self) -> dict[str, str]:
+        """Signs that are spoken on their own: symbols, and currencies without a number."""
+        money = {sign: forms[-1] for sign, forms in self.currencies.items() if len(sign) == 1}
+        return {
+            **{sign: said for sign, said in money.items() if not sign.isalpha()},
+            **self.symbols,
+        }
+
+    def abbreviation(self, written: str) -> str:
+        """What an abbreviation stands for, however its blanks and capitals are written."""
+        short = "".join(written.split())
+        return self._abbreviations.get(short) or self._abbreviations[short.casefold()]
+
+    @cached_property
+    def _abbreviations(self) -> dict[str, str]:
+        exact = {"".join(short.split()): said for short, said in self.abbreviations.items()}
+        return {short.casefold(): said for short, said in exact.items()} | exact
 
 
 @cache
@@ -74,6 +168,13 @@ def language(tag: str) -> Language:
 @cache
 def _read(primary: str) -> Language:
     data = tomllib.loads(_FOLDER.joinpath(f"{primary}.toml").read_text(encoding="utf-8"))
+    if "numerals" in data:
+        table = data["numerals"]
+        scales = tuple(Scale(value, name) for value, name in table.pop("scales"))
+        data["numerals"] = Numerals(tuple(table.pop("small").split()), scales, **table)
+    thousands = "," if data["decimal"] == "." else "."
+    data.setdefault("grouping", rf"\d{{1,3}}(?:\{thousands}\d{{3}})+")
+    data["accents"] = tuple(data.get("accents", ()))
     return Language(tag=primary, **data)
 
 

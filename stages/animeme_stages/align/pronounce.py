@@ -1,14 +1,23 @@
-"""Words to phones: dictionary first, espeak-ng for what it lacks."""
+"""Words to phones: the user's lexicon, then the dictionary, then what a program guesses."""
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache, lru_cache
 
 from animeme.errors import InputError
+from animeme.phones import ARPABET_TO_IPA
 from animeme_stages.align.espeak import espeak
+from animeme_stages.align.g2p_en import english_g2p
 from animeme_stages.align.language import Language, acoustic_phones
+from animeme_stages.align.lexicon import Lexicon
+from animeme_stages.align.readers import holds_script
 from animeme_stages.align.text import Token
+
+Pronunciation = tuple[tuple[str, tuple[str, ...]], ...]
+"""Phones to report, each with the acoustic phones that stand for it."""
 
 
 @dataclass(frozen=True)
@@ -18,17 +27,28 @@ class SpokenWord:
     Attributes:
         token: the word and its place in the transcript.
         key: its name in the decoder's dictionary.
-        phones: phones to report, each with the acoustic phones that stand for it; empty where the
-            decoder's own dictionary is used and its phones are reported as they are.
+        phones: its first pronunciation; empty where the decoder's own dictionary is used and its
+            phones are reported as they are.
+        others: further pronunciations, each as good as the first.
     """
 
     token: Token
     key: str
-    phones: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    phones: Pronunciation = ()
+    others: tuple[Pronunciation, ...] = ()
+
+    @property
+    def variants(self) -> tuple[Pronunciation, ...]:
+        """All pronunciations; none where the decoder's own dictionary is used."""
+        return (self.phones, *self.others) if self.phones else ()
 
 
 def pronounce(
-    tokens: Sequence[Token], language: Language, in_dictionary: Callable[[str], bool], place: str
+    tokens: Sequence[Token],
+    language: Language,
+    in_dictionary: Callable[[str], bool],
+    place: str,
+    lexicon: Lexicon | None = None,
 ) -> list[SpokenWord]:
     """Pronunciations of all `tokens`.
 
@@ -37,32 +57,38 @@ def pronounce(
         language: theirs.
         in_dictionary: whether the decoder's own (English) dictionary has a word.
         place: the transcript's file, for messages.
+        lexicon: the user's pronunciations, which come before all others.
 
     Raises:
         InputError: no word has a sound, or some cannot be pronounced with what is installed.
     """
     spoken: list[SpokenWord] = []
-    unknown: list[str] = []
+    unknown: dict[str, str] = {}
     for token in tokens:
-        if language.inventory == "arpabet" and in_dictionary(token.text):
+        own = _from_lexicon(token.text, language, lexicon) if lexicon else ()
+        if own:
+            key = f"{language.tag}:{token.text}:{zlib.crc32(repr(own).encode()):08x}"
+            spoken.append(SpokenWord(token, key, own[0], own[1:]))
+        elif language.inventory == "arpabet" and in_dictionary(token.text):
             spoken.append(SpokenWord(token, token.text))
-            continue
-        try:
-            phones = _espeak_phones(token.text, language)
-        except InputError as error:
-            if language.inventory != "arpabet":
-                raise
-            unknown.append(token.text)
-            action = error.action
-            continue
-        if phones:
-            spoken.append(SpokenWord(token, f"{language.tag}:{token.text}", phones))
+        else:
+            try:
+                found = guess(token, language)
+            except InputError as error:
+                if error.code not in ("word-unknown", "extra-missing"):
+                    raise
+                if language.inventory != "arpabet" and error.code == "extra-missing":
+                    raise
+                unknown[token.text] = error.action
+                continue
+            if found:
+                spoken.append(SpokenWord(token, _key(token, language), found[0], found[1:]))
     if unknown:
         raise InputError(
             "word-unknown",
-            f"not in the dictionary: {', '.join(dict.fromkeys(unknown))}",
+            f"not in the dictionary: {', '.join(unknown)}",
             place=place,
-            action=f"{action} Or correct the spelling.",
+            action=f"{next(iter(unknown.values()))} Or correct the spelling.",
         )
     if not spoken:
         raise InputError(
@@ -74,10 +100,60 @@ def pronounce(
     return spoken
 
 
-def _espeak_phones(word: str, language: Language) -> tuple[tuple[str, tuple[str, ...]], ...]:
-    """IPA phones of a word, or ARPAbet ones where that is the language's inventory."""
-    phones: list[tuple[str, tuple[str, ...]]] = []
-    for ipa in espeak().pronounce(word, language.voice):
+def _key(token: Token, language: Language) -> str:
+    """A name for the decoder's dictionary: one character may have several readings."""
+    reading = ":" + "".join(token.phones) if token.phones else ""
+    return f"{language.tag}:{token.text}{reading}"
+
+
+def _from_lexicon(word: str, language: Language, lexicon: Lexicon) -> tuple[Pronunciation, ...]:
+    found = lexicon.entries.get(word, ())
+    return tuple(_arpabet(p.phones, language) if p.arpabet else _ipa(p.phones, word, language)
+                 for p in found)  # fmt: skip
+
+
+def guess(token: Token, language: Language) -> tuple[Pronunciation, ...]:
+    """Pronunciations of a word that no lexicon and no dictionary has; () if it has no sound.
+
+    Raises:
+        InputError: it cannot be pronounced with what is installed, or at all.
+    """
+    if token.phones:
+        return (_ipa(token.phones, token.text, language),)
+    if language.reader and holds_script(token.text):
+        raise InputError(
+            "word-unknown",
+            f"no reading of '{token.text}' is known",
+            place=token.text,
+            action="Add it to a lexicon.",
+        )
+    return _guess(token.text, language)
+
+
+@lru_cache(maxsize=100_000)
+def _guess(word: str, language: Language) -> tuple[Pronunciation, ...]:
+    try:
+        spoken = [espeak().pronounce(word, voice) for voice in (language.voice, *language.accents)]
+    except InputError as error:
+        if error.code != "extra-missing" or language.inventory != "arpabet":
+            raise
+        phones = english_g2p(word, error)
+        return (_arpabet(phones, language),) if phones else ()
+    clean = [tuple(language.ipa.get(ipa, ipa) for ipa in phones) for phones in spoken]
+    return tuple(dict.fromkeys(_ipa(phones, word, language) for phones in clean if phones))
+
+
+def _arpabet(phones: Sequence[str], language: Language) -> Pronunciation:
+    """ARPAbet phones in the language's inventory."""
+    if language.inventory == "arpabet":
+        return tuple((symbol, (symbol,)) for symbol in phones)
+    return tuple((ARPABET_TO_IPA[symbol], (symbol,)) for symbol in phones)
+
+
+def _ipa(phones: Sequence[str], word: str, language: Language) -> Pronunciation:
+    """IPA phones in the language's inventory."""
+    found: list[tuple[str, tuple[str, ...]]] = []
+    for ipa in phones:
         try:
             acoustic = acoustic_phones(ipa)
         except KeyError as error:
@@ -88,7 +164,17 @@ def _espeak_phones(word: str, language: Language) -> tuple[tuple[str, tuple[str,
                 action="Please report it; the line can go on with another spelling.",
             ) from None
         if language.inventory == "arpabet":
-            phones += [(symbol, (symbol,)) for symbol in acoustic]
-        else:
-            phones.append((ipa, acoustic))
-    return tuple(phones)
+            found += [(symbol, (symbol,)) for symbol in acoustic]
+        elif acoustic:
+            found.append((ipa, acoustic))
+    return tuple(found)
+
+
+@cache
+def dictionary() -> frozenset[str]:
+    """Words of the CMU dictionary that comes with PocketSphinx, lower case."""
+    import pocketsphinx
+
+    path = f"{pocketsphinx.get_model_path('en-us')}/cmudict-en-us.dict"
+    with open(path, encoding="utf-8") as lines:
+        return frozenset(line.split(maxsplit=1)[0].split("(")[0] for line in lines if line.strip())

@@ -4,32 +4,33 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 
-from num2words import num2words
-
+from animeme_stages.align import numerals
 from animeme_stages.align.language import Language
+from animeme_stages.align.readers import Piece, reader
 
 # Stage directions and engine tags are not spoken.
 _TAG = re.compile(r"<[^<>]*>|\[[^\[\]]*\]")
 _APOSTROPHES = str.maketrans({"’": "'", "‘": "'", "ʼ": "'", "`": "'", "´": "'"})
-_SOFT_HYPHEN = "\u00ad"
-# A letter with the accents that are written after it.
-_LETTERS = rf"(?:[^\W\d_][\u0300-\u036f{_SOFT_HYPHEN}]*)+"
-_CURRENCY = "$€£"
-# Longer runs of digits are serial numbers, read one by one; num2words has no names for them.
-_LONGEST_NUMBER = 12
+# Part of the spelling, but not of the word: soft hyphen, joiners, the Arabic stretching line.
+_SILENT = str.maketrans(dict.fromkeys("\u00ad\u200c\u200d\u0640", ""))
+_BLANK = "[ \u00a0\u202f]"
 
 
 @dataclass(frozen=True)
 class Token:
-    """A word to pronounce, lower case, and the characters [start, end) it was read from."""
+    """A word to pronounce, lower case, and the characters [start, end) it was read from.
+
+    `phones` is its pronunciation in IPA where the language's reader gave one.
+    """
 
     text: str
     start: int
     end: int
+    phones: tuple[str, ...] = ()
 
 
 def tokens(text: str, language: Language) -> list[Token]:
@@ -41,75 +42,142 @@ def tokens(text: str, language: Language) -> list[Token]:
     Args:
         text: the transcript, which the positions refer to.
         language: whose words numbers become.
+
+    Raises:
+        InputError: the language needs a reader whose extra is not installed.
     """
-    plain = text.translate(_APOSTROPHES)
-    plain = _TAG.sub(lambda match: " " * len(match[0]), plain)
+    plain = _TAG.sub(lambda match: " " * len(match[0]), _plain(text, language))
     found: list[Token] = []
-    for match in _pattern(language.tag, "".join(language.symbols)).finditer(plain):
-        spoken = unicodedata.normalize("NFC", " ".join(_spoken(match, language)))
-        words = spoken.lower().replace(_SOFT_HYPHEN, "").replace("-", " ").replace(",", " ")
-        found += [Token(word, match.start(), match.end()) for word in words.split()]
+    for match in _pattern(language).finditer(plain):
+        spoken = " ".join(numerals.spoken(match, language))
+        if language.reader:
+            found += _read(spoken, match, language)
+        else:
+            found += [Token(w, match.start(), match.end()) for w in _words(spoken, language)]
     return found
 
 
-@cache
-def _pattern(tag: str, symbols: str) -> re.Pattern[str]:
-    """What can be spoken: numbers with what belongs to them, signs, words."""
-    signs = f"[{re.escape(symbols)}]" if symbols else r"(?!)"
-    ordinal = r"(?P<ordinal>(?:st|nd|rd|th)\b)?" if tag == "en" else ""
-    number = rf"(?:(?P<minus>(?<!\S)[-−])|(?P<currency>[{re.escape(_CURRENCY)}])\s?)?"
-    number += rf"(?P<number>\d+(?:[.,]\d+)*){ordinal}"
-    return re.compile(rf"{number}|(?P<sign>{signs})|(?P<word>{_LETTERS}(?:'{_LETTERS})*)", re.I)
+def tags(text: str) -> list[tuple[str, int]]:
+    """The inline tags of a transcript, without their brackets, and where each starts.
+
+    They are events of the line: whatever follows them in the text follows them in time.
+
+    Example:
+        >>> tags("[laughs] Oh <break time='1s'/>no")
+        [('laughs', 0), ("break time='1s'", 12)]
+    """
+    return [
+        (match[0][1:-1].strip().removesuffix("/").rstrip(), match.start())
+        for match in _TAG.finditer(text)
+    ]
 
 
-def _spoken(match: re.Match[str], language: Language) -> Iterator[str]:
-    """What one match of `_pattern` is read as."""
-    if match["word"]:
-        yield match["word"]
-    elif match["sign"]:
-        yield language.symbols[match["sign"]]
-    else:
-        digits = "".join(str(int(c)) if c.isdigit() else c for c in match["number"])
-        if match["minus"]:
-            yield language.minus
-        if "ordinal" in match.re.groupindex and match["ordinal"] and _is_plain(digits):
-            yield str(num2words(int(digits), to="ordinal", lang=language.numbers))
+def _plain(text: str, language: Language) -> str:
+    """`text`, as long as before, with one kind of apostrophe, digit and separator."""
+    separators = {"٫": language.decimal, "٬": language.thousands}
+    text = text.translate(_APOSTROPHES | str.maketrans(separators))
+    if text.isascii():
+        return text
+    return "".join(str(int(c)) if c.isdecimal() and not c.isascii() else c for c in text)
+
+
+def _words(spoken: str, language: Language) -> list[str]:
+    composed = unicodedata.normalize("NFC", spoken)
+    parted = composed.translate(_SILENT).replace("-", " ").replace(",", " ")
+    return [_lower(word, language) for word in parted.split()]
+
+
+def _lower(word: str, language: Language) -> str:
+    if language.tag == "tr":  # dotted and dotless i are two letters
+        word = word.replace("I", "ı").replace("İ", "i")
+    return word.lower()
+
+
+def _read(spoken: str, match: re.Match[str], language: Language) -> Iterator[Token]:
+    """Words of a script without spaces, or of none, as the language's reader finds them."""
+    start = match.start()
+    in_place = spoken == match[0]
+    for piece in _pieces(spoken, language):
+        end = start + len(piece.surface)
+        place = (start, end) if in_place else (match.start(), match.end())
+        start = end
+        for word in _words(piece.surface, language):
+            yield Token(word, *place, piece.phones)
+
+
+def _pieces(spoken: str, language: Language) -> Iterable[Piece]:
+    for run in re.split(r"(\s+)", spoken):
+        if run.isascii():  # a foreign word, or what separates
+            yield Piece(run)
         else:
-            yield from _number_words(digits, language)
-        if match["currency"]:
-            yield language.symbols.get(match["currency"], "")
-
-
-def _number_words(digits: str, language: Language) -> Iterator[str]:
-    """Words for a number as written, with the language's separators."""
-    thousands = "," if language.decimal == "." else "."
-    whole, *rest = digits.split(language.decimal)
-    if len(rest) > 1:  # no number: a version, a date, an address
-        for part in digits.split(language.decimal):
-            yield from _number_words(part, language)
-        return
-    if re.fullmatch(rf"\d{{1,3}}(?:\{thousands}\d{{3}})+", whole):
-        whole = whole.replace(thousands, "")
-    for part in re.split(r"[.,]", whole):
-        yield from _whole_words(part, language)
-    if rest:
-        yield language.decimal_word
-        for part in rest[0].split(thousands):
-            yield from (_name(digit, language) for digit in part)
-
-
-def _whole_words(digits: str, language: Language) -> Iterator[str]:
-    if _is_plain(digits):
-        yield _name(digits, language)
-    else:
-        yield from (_name(digit, language) for digit in digits)
-
-
-def _is_plain(digits: str) -> bool:
-    """Whether digits are read as one number; a leading zero is part of what is said."""
-    return digits.isdigit() and len(digits) <= _LONGEST_NUMBER and str(int(digits)) == digits
+            yield from reader(language)(run)
 
 
 @cache
-def _name(digits: str, language: Language) -> str:
-    return str(num2words(int(digits), lang=language.numbers))
+def _marks() -> str:
+    """Regular-expression class of what is written on or after a letter and belongs to it.
+
+    Accents, vowel signs of Indic scripts, Arabic vowels, joiners; not variation selectors.
+    """
+    chosen = [
+        chr(code)
+        for code in range(0x300, 0xFE00)
+        if unicodedata.category(chr(code)) in ("Mn", "Mc")
+    ]
+    return "[" + "".join(chosen) + "\u00ad\u200c\u200d]"
+
+
+@cache
+def _pattern(language: Language) -> re.Pattern[str]:
+    """What can be spoken: numbers with what belongs to them, signs, words."""
+    letters = rf"(?:[^\W\d_]{_marks()}*)+"
+    signs = "".join(re.escape(sign) for sign in language.signs)
+    parts = [
+        *_dates_and_times(language),
+        _number(language),
+        rf"(?P<abbreviation>(?<!\w){_one_of(language.abbreviations, _BLANK)}(?!\w))",
+        rf"(?P<sign>[{signs}])" if signs else r"(?!)",
+        rf"(?P<word>{letters}(?:'{letters})*)",
+    ]
+    return re.compile("|".join(parts))
+
+
+def _dates_and_times(language: Language) -> Iterator[str]:
+    if language.date:
+        yield (
+            r"(?<!\d)(?P<year>[12]\d{3})-(?P<month>0[1-9]|1[0-2])-(?P<day>0[1-9]|[12]\d|3[01])"
+            r"(?!\d|-\d)"
+        )
+    if language.time:
+        after = re.escape(language.time.get("after", ""))
+        yield (
+            r"(?<![\d:.,])(?P<hour>[01]?\d|2[0-4]):(?P<minute>[0-5]\d)(?![\d:]|[.,]\d)"
+            + (rf"(?:{_BLANK}?(?i:{after})\b)?" if after else "")
+        )
+
+
+def _number(language: Language) -> str:
+    """A number with a sign or currency before it, and an ending, unit or currency after it."""
+    number = r"\d+(?:[.,]\d+)*"
+    if language.blanks:
+        number = rf"\d{{1,3}}(?:{_BLANK}\d{{3}})+(?!\d)(?:[.,]\d+)?|{number}"
+    money = _one_of(language.currencies)
+    after = [
+        rf"(?P<percent>{_BLANK}?%)" if language.percent else r"(?!)",
+        rf"(?P<ordinal>(?i:{language.ordinal['suffix']})(?!\w))" if language.ordinal else r"(?!)",
+        rf"{_BLANK}(?P<magnitude>{_one_of(language.magnitudes)})(?!\w)",
+        rf"{_BLANK}?(?P<currency_after>{money})(?!\w)",
+        rf"{_BLANK}?(?P<unit>{_one_of(language.units)})(?!\w)",
+    ]
+    before = rf"(?:(?P<minus>(?<!\S)[-−])|(?P<currency>{money}){_BLANK}?)?"
+    return f"{before}(?P<number>{number})(?:{'|'.join(after)})?"
+
+
+def _one_of(words: Iterable[str], blank: str = " ") -> str:
+    """Alternatives, the longest first; where one has a blank, it may be missing."""
+    ordered = sorted(words, key=len, reverse=True)
+    return f"(?:{'|'.join(_literal(word, blank) for word in ordered)})" if ordered else "(?!)"
+
+
+def _literal(word: str, blank: str) -> str:
+    return f"{blank}?".join(re.escape(part) for part in word.split(" "))
