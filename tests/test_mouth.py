@@ -25,8 +25,6 @@ CLOSED = 0.02
 OPEN = 0.03
 CONTACT = 0.04
 OPEN_VOWELS = frozenset({"a", "ɑ", "æ", "ɛ", "ʌ", "ɔ", "aɪ", "aʊ"})
-# A vowel shorter than this between consonants is said through nearly closed teeth by people too.
-FULL_VOWEL_S = 0.06
 
 
 def tracks(folder: Path) -> dict[str, PhoneTrack]:
@@ -58,11 +56,10 @@ def check_closures(mouth: MouthPoints, line: str, track: PhoneTrack) -> int:
 def check_vowels(mouth: MouthPoints, line: str, track: PhoneTrack) -> int:
     count = 0
     for phone in spoken(track, OPEN_VOWELS):
-        if phone.duration_s >= FULL_VOWEL_S:
-            at_s = np.linspace(phone.start_s, phone.end_s, 7)
-            widest = max(mouth.lip_gap(mouth.scene.weights_at(line, float(t))) for t in at_s)
-            assert widest >= OPEN, f"{line}: {phone.symbol} at {phone.start_s:.2f} s: {widest:.3f}"
-            count += 1
+        at_s = np.linspace(phone.start_s, phone.end_s, 7)
+        widest = max(mouth.lip_gap(mouth.scene.weights_at(line, float(t))) for t in at_s)
+        assert widest >= OPEN, f"{line}: {phone.symbol} at {phone.start_s:.2f} s: {widest:.3f}"
+        count += 1
     return count
 
 

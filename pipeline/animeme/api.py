@@ -64,7 +64,12 @@ def run(
 
 
 def align(
-    audio: str | Path, text: str, *, language: str = "en", aligner: str = "pocketsphinx"
+    audio: str | Path,
+    text: str,
+    *,
+    language: str = "en",
+    aligner: str = "pocketsphinx",
+    lexicon: str | Path | None = None,
 ) -> Alignment:
     """Find when each phone of a transcript is spoken.
 
@@ -73,6 +78,7 @@ def align(
         text: what is said in it.
         language: BCP-47 tag.
         aligner: a registered aligner.
+        lexicon: pronunciations that go before the aligner's own.
 
     Returns:
         The phone track, and findings about it.
@@ -90,7 +96,8 @@ def align(
         (['welcome', 'back'], 0.0)
     """
     speech = registry.stage("read-speech")(Path(audio))
-    return registry.aligner(aligner).align(speech, text, language=language)
+    own = Path(lexicon) if lexicon is not None else None
+    return registry.aligner(aligner).align(speech, text, language=language, lexicon=own)
 
 
 def load_model(name_or_file: str | Path) -> Model:

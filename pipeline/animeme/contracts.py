@@ -59,8 +59,16 @@ class Aligner(Protocol):
         """Primary language subtags that it can align ("en", "de", …)."""
         ...
 
-    def align(self, speech: Speech, text: str, *, language: str) -> Alignment:
+    def align(
+        self, speech: Speech, text: str, *, language: str, lexicon: Path | None = None
+    ) -> Alignment:
         """Align `text` with `speech`.
+
+        Args:
+            speech: the recording.
+            text: its transcript.
+            language: BCP-47 tag.
+            lexicon: pronunciations that go before the aligner's own.
 
         Raises:
             InputError: text or audio cannot be used, or do not belong together.

@@ -13,6 +13,7 @@ from animeme.findings import Finding, Severity
 
 AUDIO_SUFFIXES = (".wav", ".flac", ".mp3", ".ogg", ".opus", ".aiff", ".aif")
 TEXT_SUFFIXES = (".txt", ".lab")
+TIMING_SUFFIXES = (".textgrid",)
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,7 @@ class Line:
         character: whose line it is, "" for every character of the job.
         audio: the recording.
         transcript: its text.
+        timings: phones that somebody has already timed, used instead of aligning, or None.
         findings: what its discovery noticed.
     """
 
@@ -33,6 +35,7 @@ class Line:
     character: str
     audio: Path
     transcript: Path
+    timings: Path | None = None
     findings: tuple[Finding, ...] = ()
 
     @property
@@ -45,9 +48,10 @@ def find_lines(root: Path, characters: Iterable[str]) -> tuple[Line, ...]:
     """Lines below ``root/<language>/[character/]``, sorted by key.
 
     A recording without transcript is a line, and so is a transcript without recording: what is
-    missing shows when it is read. A first folder that bears the name of a character belongs to it;
-    any other folder becomes part of the line's id. A character's own recording takes the place of
-    one for all of the same language and id.
+    missing shows when it is read. A Praat TextGrid beside a recording has its timings. A first
+    folder that bears the name of a character belongs to it; any other folder becomes part of the
+    line's id. A character's own recording takes the place of one for all of the same language and
+    id.
 
     Args:
         root: the dialogue folder.
@@ -59,7 +63,8 @@ def find_lines(root: Path, characters: Iterable[str]) -> tuple[Line, ...]:
         for file in sorted(folder.rglob("*")):
             relative = file.relative_to(folder)
             hidden = any(part.startswith(".") for part in file.relative_to(root).parts)
-            if hidden or file.suffix.lower() not in AUDIO_SUFFIXES + TEXT_SUFFIXES:
+            known_suffix = file.suffix.lower() in AUDIO_SUFFIXES + TEXT_SUFFIXES + TIMING_SUFFIXES
+            if hidden or not known_suffix:
                 continue
             if not file.is_file():
                 continue
@@ -75,7 +80,9 @@ def _line(language: str, character: str, name: str, files: list[Path]) -> Line:
     audio = [file for file in files if file.suffix.lower() in AUDIO_SUFFIXES]
     texts = [file for file in files if file.suffix.lower() in TEXT_SUFFIXES]
     findings = []
-    for kind, found in (("recordings", audio), ("transcripts", texts)):
+    timings = [file for file in files if file.suffix.lower() in TIMING_SUFFIXES]
+    named = (("recordings", audio), ("transcripts", texts), ("files of timings", timings))
+    for kind, found in named:
         if len(found) > 1:
             message = f"has {len(found)} {kind}: {', '.join(shown(file.name) for file in found)}"
             action = "Keep one of them."
@@ -87,8 +94,9 @@ def _line(language: str, character: str, name: str, files: list[Path]) -> Line:
         shown(name),
         shown(language),
         character,
-        audio[0] if audio else texts[0].with_suffix(".wav"),
-        texts[0] if texts else audio[0].with_suffix(".txt"),
+        audio[0] if audio else files[0].with_suffix(".wav"),
+        texts[0] if texts else files[0].with_suffix(".txt"),
+        timings[0] if timings else None,
         tuple(findings),
     )
 

@@ -59,6 +59,9 @@ class AlignSection(Document):
     """How phones are found."""
 
     aligner: str = Field("pocketsphinx", description="A registered aligner.")
+    lexicon: str | None = Field(
+        None, description="Pronunciations of your own, relative to the job file."
+    )
 
 
 class ModelSection(Document):

@@ -44,6 +44,7 @@ class Job:
         output: output folder.
         dialogue_root: folder of the recordings.
         aligner: name of the aligner.
+        lexicon: pronunciations of the user's, or None.
         model: name of the model, used if there is no `model_file`.
         model_file: model document, or None.
         rate_hz: sampling rate of the curves.
@@ -56,6 +57,7 @@ class Job:
     output: Path
     dialogue_root: Path
     aligner: str
+    lexicon: Path | None
     model: str
     model_file: Path | None
     rate_hz: float
@@ -113,6 +115,7 @@ def _job(document: JobDocument, path: Path, output: Path | None) -> Job:
         output=output or folder / document.job.output,
         dialogue_root=folder / document.dialogue.root,
         aligner=document.align.aligner,
+        lexicon=folder / document.align.lexicon if document.align.lexicon else None,
         model=document.model.name,
         model_file=model_file,
         rate_hz=document.curves.rate_hz,
@@ -129,6 +132,9 @@ def _problems(data: Mapping[str, Any], folder: Path) -> Iterator[Problem]:
             "dialogue.root", f"there is no folder '{root}'", "Paths start at the job file."
         )
     yield from _unknown_plugin(registry.ALIGNERS, "align.aligner", _text(data, "align", "aligner"))
+    lexicon = _text(data, "align", "lexicon")
+    if lexicon is not None:
+        yield from _lexicon_problems(folder / lexicon)
     yield from _unknown_plugin(registry.MODELS, "model.name", _text(data, "model", "name"))
     file = _text(data, "model", "file")
     if file is not None:
@@ -161,6 +167,13 @@ def _broken_model(file: Path) -> Iterator[Problem]:
         yield Problem("model.file", f"{error.place}: {error.problem}", error.action)
     except PluginError as error:
         yield Problem("model.file", f"{file}: {error}")
+
+
+def _lexicon_problems(file: Path) -> Iterator[Problem]:
+    try:
+        registry.stage("check-lexicon")(file)
+    except InputError as error:
+        yield Problem("align.lexicon", f"{error.place}: {error.problem}", error.action)
 
 
 def _character_problems(path: str, section: Mapping[str, Any], folder: Path) -> Iterator[Problem]:

@@ -115,9 +115,10 @@ def _inputs(plan: Plan) -> Iterator[Path]:
     yield job.source
     yield from (target.asset.source for target in plan.targets)
     yield from (job.folder / character.rig for character in job.characters)
-    yield from () if job.model_file is None else (job.model_file,)
+    yield from (path for path in (job.model_file, job.lexicon) if path is not None)
     for line in plan.lines:
         yield from (line.audio, line.transcript)
+        yield from () if line.timings is None else (line.timings,)
 
 
 def stale_outputs(plan: Plan, written: Iterable[Path]) -> Iterator[Finding]:

@@ -43,14 +43,12 @@ class Progress:
     Attributes:
         stage: "lines" or "assets".
         done, total: lines, or files while assets are written.
-        label: what just ended.
         failed: how many lines have failed so far.
     """
 
     stage: str
     done: int
     total: int
-    label: str
     failed: int
 
 
@@ -118,6 +116,7 @@ def _save_context(plan: Plan, spool: Path) -> None:
     context = RunContext(
         plan.targets,
         job.aligner,
+        job.lexicon,
         job.model,
         job.model_file,
         job.rate_hz,
@@ -131,18 +130,16 @@ def _do_lines(ledger: Ledger, executor: Executor, listener: Listener, spool: Pat
     items = ledger.plan.line_items(spool)
     results = executor.run(_name(make_line), items, timeout_s=LINE_TIMEOUT_S, retries=RETRIES)
     for done, result in enumerate(results, 1):
-        item = items[result.index]
-        ledger.end_line(item, result)
-        listener(Progress("lines", done, len(items), item.line.key, ledger.failed))
+        ledger.end_line(items[result.index], result)
+        listener(Progress("lines", done, len(items), ledger.failed))
 
 
 def _do_assets(ledger: Ledger, executor: Executor, listener: Listener, spool: Path) -> None:
     items = ledger.plan.asset_items(ledger.good, spool)
     results = executor.run(_name(write_asset), items, timeout_s=ASSET_TIMEOUT_S, retries=RETRIES)
     for done, result in enumerate(results, 1):
-        item = items[result.index]
-        ledger.end_asset(item, result)
-        listener(Progress("assets", done, len(items), item.output.name, ledger.failed))
+        ledger.end_asset(items[result.index], result)
+        listener(Progress("assets", done, len(items), ledger.failed))
 
 
 def _join_languages(ledger: Ledger, executor: Executor, spool: Path) -> None:

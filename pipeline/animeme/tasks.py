@@ -47,6 +47,7 @@ class RunContext:
     Attributes:
         targets: assets in the job's order.
         aligner: name of the aligner.
+        lexicon: pronunciations of the user's, or None.
         model: name of the model, or None if there is a file.
         model_file: model document.
         rate_hz, max_error: of the curves.
@@ -55,6 +56,7 @@ class RunContext:
 
     targets: tuple[Target, ...]
     aligner: str
+    lexicon: Path | None
     model: str | None
     model_file: Path | None
     rate_hz: float
@@ -160,11 +162,17 @@ def make_line(item: LineItem) -> LineOutcome:
         return LineOutcome(0.0, tuple(replace(f, line=line.key) for f in findings))
     speech: Speech | None = None
     try:
-        text: str = registry.stage("read-transcript")(line.transcript)
+        if line.timings is None:
+            text: str = registry.stage("read-transcript")(line.transcript)
         speech = registry.stage("read-speech")(line.audio)
         assert speech is not None
-        aligner = registry.aligner(context.aligner)
-        alignment = aligner.align(speech, text, language=line.language)
+        if line.timings is not None:
+            read = registry.stage("read-timings")
+            alignment: Alignment = read(line.timings, speech, language=line.language)
+        else:
+            alignment = registry.aligner(context.aligner).align(
+                speech, text, language=line.language, lexicon=context.lexicon
+            )
         findings += [*speech.findings, *alignment.findings, *_animate(item, context, alignment)]
         if not any(finding.severity == Severity.ERROR for finding in findings):
             _save_alignment(context.output, line, alignment)

@@ -21,8 +21,32 @@ from animeme.contracts import Alignment
 @click.argument("text")
 @click.option("--language", default="en", show_default=True, help="BCP-47 tag.")
 @click.option("--aligner", default="pocketsphinx", show_default=True, help="A registered aligner.")
+@click.option(
+    "--lexicon", type=click.Path(path_type=Path), help="Pronunciations that go before all others."
+)
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path),
+    help="Write the alignment to this file as well, in the --format.",
+)
+@click.option(
+    "--format",
+    "form",
+    default="textgrid",
+    show_default=True,
+    help="textgrid, ctm, phone-ctm, rhubarb-tsv or alignment.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the alignment document on stdout.")
-def command(audio: Path, text: str, language: str, aligner: str, as_json: bool) -> int:
+def command(
+    audio: Path,
+    text: str,
+    language: str,
+    aligner: str,
+    lexicon: Path | None,
+    output: Path | None,
+    form: str,
+    as_json: bool,
+) -> int:
     """Find when each word and phone of TEXT is spoken in AUDIO.
 
     TEXT is the transcript's file, or the words themselves.
@@ -30,7 +54,9 @@ def command(audio: Path, text: str, language: str, aligner: str, as_json: bool) 
     transcript = Path(text)
     if transcript.suffix.lower() in (".txt", ".lab"):
         text = registry.stage("read-transcript")(transcript)
-    alignment = api.align(audio, text, language=language, aligner=aligner)
+    alignment = api.align(audio, text, language=language, aligner=aligner, lexicon=lexicon)
+    if output is not None:
+        registry.stage("write-timings")(alignment.track, output, form)
     for finding in alignment.findings:
         click.echo(str(finding), err=True)
     if as_json:

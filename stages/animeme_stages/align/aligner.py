@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -21,6 +23,7 @@ from animeme.phones import Inventory, Phone, PhoneTrack, Word, contiguous
 from animeme_stages.align.doubts import FRAME_S, SHORTEST_PHONE_S, doubt, doubts
 from animeme_stages.align.language import language as language_of
 from animeme_stages.align.language import languages
+from animeme_stages.align.lexicon import Lexicon, read_lexicon
 from animeme_stages.align.pronounce import Pronunciation, SpokenWord, pronounce
 from animeme_stages.align.text import tokens
 
@@ -208,12 +211,15 @@ class PocketSphinxAligner:
         """Primary language subtags that it can align."""
         return frozenset(languages())
 
-    def align(self, speech: Speech, text: str, *, language: str) -> Alignment:
+    def align(
+        self, speech: Speech, text: str, *, language: str, lexicon: Path | None = None
+    ) -> Alignment:
         """Align `text` with `speech`; see `animeme.contracts.Aligner`."""
         settings = language_of(language)
         place = str(speech.source)
         narrow = self._decoder(settings.beams)
-        words = pronounce(tokens(text, settings), settings, narrow.has, place)
+        own = _lexicon(lexicon, settings.tag) if lexicon else None
+        words = pronounce(tokens(text, settings), settings, narrow.has, place, own)
         _require_time(words, narrow, speech)
         data = _samples(speech)
         findings: list[Finding] = []
@@ -237,6 +243,11 @@ class PocketSphinxAligner:
         if key not in self._decoders:
             self._decoders[key] = _Decoder(beams)
         return self._decoders[key]
+
+
+@cache
+def _lexicon(path: Path, tag: str) -> Lexicon:
+    return read_lexicon(path, language_of(tag))
 
 
 def _samples(speech: Speech) -> bytes:

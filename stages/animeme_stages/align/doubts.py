@@ -17,7 +17,7 @@ SHORTEST_PHONE_S = 3 * FRAME_S
 
 # Sound in a pause that is within this of the words' own level is speech, not breath or room…
 LOUD_DB = 8.0
-# …if there is enough of it: of 175 right lines of `grid-s1`, 99 % have less than 0.6 s in any pause.
+# …if there is enough of it: 99 % of 175 right lines of `grid-s1` have less than 0.6 s in a pause.
 UNTRANSCRIBED_S = 0.7
 
 

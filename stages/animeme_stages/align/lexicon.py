@@ -16,6 +16,7 @@ from pathlib import Path
 from animeme.errors import InputError
 from animeme.phones import ARPABET_TO_IPA
 from animeme_stages.align.language import Language, acoustic_phones
+from animeme_stages.align.language import language as language_of
 from animeme_stages.align.text import tokens
 
 _SECTION = re.compile(r";;;\s*\[([A-Za-z][A-Za-z0-9_-]*)\]\s*$")
@@ -72,6 +73,17 @@ def read_lexicon(path: Path, language: Language) -> Lexicon:
     return Lexicon(
         str(path), {word: tuple(found) for word, found in entries.items()}, tuple(unused)
     )
+
+
+def check_lexicon(path: Path) -> None:
+    """Read a lexicon for every language that it has a section for.
+
+    Raises:
+        InputError: as `read_lexicon`.
+    """
+    sections = {match[1] for line in _text(path).splitlines() if (match := _SECTION.match(line))}
+    for tag in sorted(sections) or ["en"]:
+        read_lexicon(path, language_of(tag))
 
 
 def _text(path: Path) -> str:
