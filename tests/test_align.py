@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from animeme.contracts import Alignment, Speech
 from animeme.errors import InputError
 from animeme.findings import Finding
 from animeme.phones import SILENCE, Phone, PhoneTrack
-from animeme_stages.align.aligner import LONGEST_PIECE_S, PocketSphinxAligner
+from animeme_stages.align.aligner import LONGEST_PIECE_S, PocketSphinxAligner, _pieces
 from animeme_stages.align.doubts import sound_in_pauses
 from animeme_stages.ingest.audio import read_speech
 from conftest import LANGUAGES, SAMPLE
@@ -74,6 +77,29 @@ def test_sound_between_words_is_measured() -> None:
     pause, length_s = sound_in_pauses(cut, speech("en", "boat"))
     assert pause == rest
     assert length_s > 1.0
+
+
+@given(
+    st.lists(st.tuples(st.booleans(), st.integers(1, 900)), min_size=1, max_size=60),
+    st.integers(0, 30),
+)
+@settings(deadline=None, derandomize=True, max_examples=300)
+def test_pieces_cover_the_recording_and_every_word_once(
+    entries: list[tuple[bool, int]], rest: int
+) -> None:
+    heard, at = [], 0
+    for number, (pause, length) in enumerate(entries):
+        heard.append(("<sil>" if pause else f"w{number}", at, at + length - 1))
+        at += length
+    words = sum(not pause for pause, _ in entries)
+    found = list(_pieces(heard, at + rest))
+    assert (found[0][0], found[-1][1]) == (0, at + rest)
+    assert (found[0][2], found[-1][3]) == (0, words)
+    for (_, end, _, last), (start, _, first, _) in pairwise(found):
+        assert (end, last) == (start, first)
+    for start, end, first, last in found:
+        assert start < end
+        assert first < last or len(found) == 1
 
 
 def test_a_long_recording_is_cut_at_pauses_and_aligned_alike() -> None:

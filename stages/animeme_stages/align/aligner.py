@@ -185,12 +185,13 @@ def _pieces(
             word += 1
             continue
         middle = (begin + end) // 2
-        if cut and middle - start > longest:
+        if cut and word > cut[1] and middle - start > longest:
             yield start, cut[0], first, cut[1]
             start, first = cut
+            cut = None
         if word > first and end - begin >= SHORTEST_PAUSE:
             cut = (middle, word)
-    if cut and frames - start > longest and cut[1] < word and cut[1] > first:
+    if cut and word > cut[1] and frames - start > longest:
         yield start, cut[0], first, cut[1]
         start, first = cut
     yield start, frames, first, word
