@@ -212,6 +212,7 @@ def test_a_minimal_job_gets_every_default(tmp_path: Path) -> None:
         output=tmp_path / "out",
         dialogue_root=tmp_path / "dialogue",
         aligner="pocketsphinx",
+        lexicon=None,
         model="cohen-massaro",
         model_file=None,
         rate_hz=60.0,

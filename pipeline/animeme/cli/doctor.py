@@ -20,7 +20,6 @@ from animeme.errors import PluginError
 _EXTRAS = {
     "chinese": "Mandarin Chinese",
     "espeak": "all but English, Chinese, Japanese; English words in no dictionary",
-    "g2p-en": "English words in no dictionary, without espeak",
     "japanese": "Japanese",
     "all": "every optional part",
     "dev": "tools to work on animeme itself",

@@ -10,7 +10,6 @@ from functools import cache, lru_cache
 from animeme.errors import InputError
 from animeme.phones import ARPABET_TO_IPA
 from animeme_stages.align.espeak import espeak
-from animeme_stages.align.g2p_en import english_g2p
 from animeme_stages.align.language import Language, acoustic_phones
 from animeme_stages.align.lexicon import Lexicon
 from animeme_stages.align.readers import holds_script
@@ -132,13 +131,7 @@ def guess(token: Token, language: Language) -> tuple[Pronunciation, ...]:
 
 @lru_cache(maxsize=100_000)
 def _guess(word: str, language: Language) -> tuple[Pronunciation, ...]:
-    try:
-        spoken = [espeak().pronounce(word, voice) for voice in (language.voice, *language.accents)]
-    except InputError as error:
-        if error.code != "extra-missing" or language.inventory != "arpabet":
-            raise
-        phones = english_g2p(word, error)
-        return (_arpabet(phones, language),) if phones else ()
+    spoken = [espeak().pronounce(word, voice) for voice in (language.voice, *language.accents)]
     clean = [tuple(language.ipa.get(ipa, ipa) for ipa in phones) for phones in spoken]
     return tuple(dict.fromkeys(_ipa(phones, word, language) for phones in clean if phones))
 

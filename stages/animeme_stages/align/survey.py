@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 
 from animeme.dialogue import Line
@@ -90,7 +89,7 @@ def _proposed(word: str, seen: _Seen, findings: list[Finding]) -> UnknownWord:
             findings.append(Finding.from_error(error, line=next(iter(seen.lines[word]))))
             continue
         said |= {" ".join(symbol for symbol, _ in phones): None for phones in pronunciations}
-        source = "reader" if token.phones else _guesser()
+        source = "reader" if token.phones else "espeak"
     return UnknownWord(
         word,
         seen.language.tag,
@@ -100,15 +99,6 @@ def _proposed(word: str, seen: _Seen, findings: list[Finding]) -> UnknownWord:
         source if said else "",
         seen.language.inventory,
     )
-
-
-@cache
-def _guesser() -> str:
-    try:
-        import espeakng_loader  # noqa: F401
-    except ImportError:
-        return "g2p-en"
-    return "espeak"
 
 
 def _unused(place: str) -> Finding:
