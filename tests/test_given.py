@@ -87,6 +87,16 @@ def test_a_lexicon_goes_before_the_dictionary(job: SmallJob, capsys: Capture) ->
     assert [p.symbol for p in aligned(job).phones if p.symbol != SILENCE][:4] == ["P", "AA"] * 2
 
 
+def test_an_edited_lexicon_counts_at_once(job: SmallJob, capsys: Capture) -> None:
+    """Also within one process, which has read it before."""
+    job.sections["align"] = {"lexicon": "names.lex"}
+    job.write()
+    for line, first in (("MAMA  P AA P AA\n", "P"), ("MAMA  B AA B AA T\n", "B")):
+        (job.folder / "names.lex").write_text(line, encoding="utf-8")
+        run_inline(capsys, job)
+        assert next(p.symbol for p in aligned(job).phones if p.symbol != SILENCE) == first
+
+
 @pytest.mark.parametrize(
     ("content", "said"), [(None, "names.lex"), ("MAMA  M XX\n", "names.lex:1")]
 )

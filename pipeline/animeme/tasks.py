@@ -16,7 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from animeme import registry
-from animeme.contracts import Alignment, AssetSubject, LineAnimation, LineSubject, Speech
+from animeme.contracts import (
+    Alignment,
+    AssetSubject,
+    LineAnimation,
+    LineSubject,
+    Model,
+    Speech,
+)
 from animeme.curves import CurveSet, reduce_keys
 from animeme.dialogue import Line
 from animeme.errors import InputError
@@ -162,17 +169,9 @@ def make_line(item: LineItem) -> LineOutcome:
         return LineOutcome(0.0, tuple(replace(f, line=line.key) for f in findings))
     speech: Speech | None = None
     try:
-        if line.timings is None:
-            text: str = registry.stage("read-transcript")(line.transcript)
         speech = registry.stage("read-speech")(line.audio)
         assert speech is not None
-        if line.timings is not None:
-            read = registry.stage("read-timings")
-            alignment: Alignment = read(line.timings, speech, language=line.language)
-        else:
-            alignment = registry.aligner(context.aligner).align(
-                speech, text, language=line.language, lexicon=context.lexicon
-            )
+        alignment = _aligned(line, speech, context)
         findings += [*speech.findings, *alignment.findings, *_animate(item, context, alignment)]
         if not any(finding.severity == Severity.ERROR for finding in findings):
             _save_alignment(context.output, line, alignment)
@@ -180,6 +179,19 @@ def make_line(item: LineItem) -> LineOutcome:
         findings.append(Finding.from_error(error))
     audio_s = speech.duration_s if speech else 0.0
     return LineOutcome(audio_s, tuple(replace(f, line=line.key) for f in findings))
+
+
+def _aligned(line: Line, speech: Speech, context: RunContext) -> Alignment:
+    """The line's phones: as somebody timed them, or as the aligner finds them."""
+    alignment: Alignment
+    if line.timings is not None:
+        alignment = registry.stage("read-timings")(line.timings, speech, language=line.language)
+    else:
+        text: str = registry.stage("read-transcript")(line.transcript)
+        alignment = registry.aligner(context.aligner).align(
+            speech, text, language=line.language, lexicon=context.lexicon
+        )
+    return alignment
 
 
 def alignment_path(output: Path, line: Line) -> Path:
@@ -192,8 +204,15 @@ def _save_alignment(output: Path, line: Line, alignment: Alignment) -> None:
     write_text(alignment_path(output, line), document + "\n")
 
 
+@lru_cache(maxsize=1)
+def _model(spool: Path) -> Model:
+    # Once per run and process: the next run may find another model in the same file.
+    context = _context(spool)
+    return registry.load_model(context.model, file=context.model_file)
+
+
 def _animate(item: LineItem, context: RunContext, alignment: Alignment) -> Iterator[Finding]:
-    model = registry.load_model(context.model, file=context.model_file)
+    model = _model(item.spool)
     controls = model.synthesize(alignment.track, rate_hz=context.rate_hz)
     for index in item.targets:
         target = context.targets[index]

@@ -219,7 +219,7 @@ class PocketSphinxAligner:
         settings = language_of(language)
         place = str(speech.source)
         narrow = self._decoder(settings.beams)
-        own = _lexicon(lexicon, settings.tag) if lexicon else None
+        own = _lexicon(lexicon, settings.tag, _version(lexicon)) if lexicon else None
         words = pronounce(tokens(text, settings), settings, narrow.has, place, own)
         _require_time(words, narrow, speech)
         data = _samples(speech)
@@ -247,8 +247,17 @@ class PocketSphinxAligner:
 
 
 @cache
-def _lexicon(path: Path, tag: str) -> Lexicon:
+def _lexicon(path: Path, tag: str, version: tuple[int, int]) -> Lexicon:
     return read_lexicon(path, language_of(tag))
+
+
+def _version(path: Path) -> tuple[int, int]:
+    """What changes when a file is edited; (0, 0) if it is not there, for its reader to say."""
+    try:
+        state = path.stat()
+    except OSError:
+        return (0, 0)
+    return (state.st_mtime_ns, state.st_size)
 
 
 def _samples(speech: Speech) -> bytes:
