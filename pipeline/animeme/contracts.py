@@ -40,11 +40,36 @@ class Speech:
 
 
 @dataclass(frozen=True)
+class Anchor:
+    """A stretch of a transcript whose time somebody knows: a timed word, or a subtitle.
+
+    Attributes:
+        start, end: character positions in the transcript.
+        start_s, end_s: when it is spoken, seconds from the start of the recording.
+        slack_s: by how much these may be wrong, either way.
+    """
+
+    start: int
+    end: int
+    start_s: float
+    end_s: float
+    slack_s: float
+
+
+@dataclass(frozen=True)
 class Alignment:
-    """An aligner's answer: the phones, and what a person should know about them."""
+    """An aligner's answer: the phones, and what a person should know about them.
+
+    Attributes:
+        track: the phones.
+        findings: what speaks against them.
+        score: the aligner's confidence that recording and transcript belong together, 0 to 1;
+            None where it has none, or the timings were given.
+    """
 
     track: PhoneTrack
     findings: tuple[Finding, ...] = ()
+    score: float | None = None
 
 
 class Aligner(Protocol):
@@ -60,7 +85,13 @@ class Aligner(Protocol):
         ...
 
     def align(
-        self, speech: Speech, text: str, *, language: str, lexicon: Path | None = None
+        self,
+        speech: Speech,
+        text: str,
+        *,
+        language: str,
+        lexicon: Path | None = None,
+        anchors: Sequence[Anchor] = (),
     ) -> Alignment:
         """Align `text` with `speech`.
 
@@ -69,6 +100,8 @@ class Aligner(Protocol):
             text: its transcript.
             language: BCP-47 tag.
             lexicon: pronunciations that go before the aligner's own.
+            anchors: times that are known; a word whose place in `text` is within one is spoken
+                within its time.
 
         Raises:
             InputError: text or audio cannot be used, or do not belong together.

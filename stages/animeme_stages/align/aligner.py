@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pocketsphinx
 
-from animeme.contracts import Alignment, Speech
+from animeme.contracts import Alignment, Anchor, Speech
 from animeme.errors import InputError
 from animeme.findings import Finding
 from animeme.phones import Inventory, Phone, PhoneTrack, Word, contiguous
@@ -213,7 +213,13 @@ class PocketSphinxAligner:
         return frozenset(languages())
 
     def align(
-        self, speech: Speech, text: str, *, language: str, lexicon: Path | None = None
+        self,
+        speech: Speech,
+        text: str,
+        *,
+        language: str,
+        lexicon: Path | None = None,
+        anchors: Sequence[Anchor] = (),
     ) -> Alignment:
         """Align `text` with `speech`; see `animeme.contracts.Aligner`."""
         settings = language_of(language)
