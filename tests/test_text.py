@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from animeme_stages.align.language import language, languages
-from animeme_stages.align.text import tags, tokens
+from animeme_stages.align.text import tokens
 
 # Those with a reader are in test_languages.py: the reader is an extra.
 LANGUAGES = tuple(tag for tag in languages() if not language(tag).reader)
@@ -412,13 +412,6 @@ def test_positions_are_those_of_the_transcript_itself(text: str) -> None:
 @pytest.mark.parametrize("tag", ["en", "en-GB", "EN_us", "de-AT", "es-419"])
 def test_region_and_case_of_a_tag_do_not_matter(tag: str) -> None:
     assert language(tag) == language(tag[:2].lower())
-
-
-def test_tags_are_kept_as_events_with_their_places() -> None:
-    text = "[laughs] Oh, <break time='1s'/>no [sighs]"
-    assert tags(text) == [("laughs", 0), ("break time='1s'", 13), ("sighs", 34)]
-    assert all(text[start] in "[<" for _, start in tags(text))
-    assert tags("a < b, [unclosed") == []
 
 
 def test_decomposed_hangul_is_one_word() -> None:

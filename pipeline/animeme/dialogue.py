@@ -11,7 +11,10 @@ from pathlib import Path
 
 from animeme.findings import Finding, Severity
 
-AUDIO_SUFFIXES = (".wav", ".flac", ".mp3", ".ogg", ".opus", ".aiff", ".aif")
+AUDIO_SUFFIXES = (
+    *(".wav", ".flac", ".mp3", ".ogg", ".opus", ".aiff", ".aif"),
+    *(".m4a", ".mp4", ".mov"),  # with the extra `video`
+)
 TEXT_SUFFIXES = (".txt", ".lab")
 TIMING_SUFFIXES = (".textgrid",)
 

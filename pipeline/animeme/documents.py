@@ -146,8 +146,16 @@ class PhoneEntry(Document):
     score: Number | None = Field(None, description="Mean log score per 10 ms frame.")
 
 
+class EventEntry(Document):
+    """An inline tag of the transcript, at the moment that it stands for."""
+
+    tag: str = Field(min_length=1, description="Without its brackets.")
+    time_s: Seconds
+    source: tuple[int, int] = Field(description="Character positions in the transcript.")
+
+
 class AlignmentDocument(Document):
-    """Phones and words of one recording, without gaps."""
+    """Phones and words of one recording, without gaps, and the tags among them."""
 
     schema_: Literal["animeme.alignment/1"] = Field(alias="schema")
     language: str = Field(description="BCP-47 tag.")
@@ -155,6 +163,7 @@ class AlignmentDocument(Document):
     duration_s: Seconds
     words: list[WordEntry]
     phones: list[PhoneEntry]
+    events: list[EventEntry] = []
 
 
 class CurvesDocument(Document):

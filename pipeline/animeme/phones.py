@@ -1,4 +1,4 @@
-"""Phones, words and the tracks they make.
+"""Phones, words, events and the tracks they make.
 
 A `PhoneTrack` is what aligners give and models take: phones without gap or overlap over the whole
 recording, silence included. Symbols belong to an inventory: ``arpabet`` (the 39 phones of CMUdict,
@@ -119,6 +119,21 @@ class Word:
 
 
 @dataclass(frozen=True)
+class Event:
+    """Something that a transcript asks for at a moment and nobody says: an inline tag.
+
+    Attributes:
+        tag: its text without brackets; ``/`` comes first in one that closes another.
+        time_s: seconds from the start of the recording.
+        source: (start, end) character positions in the transcript, brackets included.
+    """
+
+    tag: str
+    time_s: float
+    source: tuple[int, int] = (0, 0)
+
+
+@dataclass(frozen=True)
 class PhoneTrack:
     """The phones of one recording, contiguous from 0 to its end.
 
@@ -127,6 +142,7 @@ class PhoneTrack:
         inventory: which symbols the phones use.
         phones: at least one; the first starts at 0; each starts where the one before ends.
         words: in order, without overlap, within the phones' time; may be empty.
+        events: the transcript's inline tags, in order, within the phones' time; may be empty.
 
     Raises:
         ValueError: an invariant does not hold.
@@ -136,6 +152,7 @@ class PhoneTrack:
     inventory: Inventory
     phones: tuple[Phone, ...]
     words: tuple[Word, ...] = ()
+    events: tuple[Event, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.phones:
@@ -156,6 +173,12 @@ class PhoneTrack:
         for first, second in pairwise(self.words):
             if second.start_s < first.end_s:
                 raise ValueError(f"the words '{first.text}' and '{second.text}' overlap")
+        for event in self.events:
+            if not event.tag or not 0.0 <= event.time_s <= self.phones[-1].end_s:
+                raise ValueError(f"the tag '{event.tag}' is empty, or not within the recording")
+        for earlier, later in pairwise(self.events):
+            if later.time_s < earlier.time_s:
+                raise ValueError(f"the tags '{earlier.tag}' and '{later.tag}' are out of order")
 
     @property
     def duration_s(self) -> float:
@@ -195,11 +218,15 @@ class PhoneTrack:
                 }
                 for phone in self.phones
             ],
+            "events": [
+                {"tag": event.tag, "time_s": event.time_s, "source": list(event.source)}
+                for event in self.events
+            ],
         }
 
     @classmethod
     def from_document(cls, document: dict[str, Any]) -> PhoneTrack:
-        """Read what `to_document` wrote.
+        """Read what `to_document` wrote, also before there were events.
 
         Raises:
             ValueError: the document breaks an invariant.
@@ -211,7 +238,11 @@ class PhoneTrack:
             Word(w["text"], w["start_s"], w["end_s"], (w["source"][0], w["source"][1]))
             for w in document["words"]
         )
-        return cls(document["language"], document["inventory"], phones, words)
+        events = tuple(
+            Event(e["tag"], e["time_s"], (e["source"][0], e["source"][1]))
+            for e in document.get("events", ())
+        )
+        return cls(document["language"], document["inventory"], phones, words, events)
 
 
 def contiguous(phones: Sequence[Phone], duration_s: float) -> tuple[Phone, ...]:

@@ -21,6 +21,7 @@ _EXTRAS = {
     "chinese": "Mandarin Chinese",
     "espeak": "all but English, Chinese, Japanese; English words in no dictionary",
     "japanese": "Japanese",
+    "video": "the sound of MP4, M4A and QuickTime files",
     "all": "every optional part",
     "dev": "tools to work on animeme itself",
 }

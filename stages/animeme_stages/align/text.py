@@ -11,9 +11,8 @@ from functools import cache
 from animeme_stages.align import numerals
 from animeme_stages.align.language import Language
 from animeme_stages.align.readers import Piece, reader
+from animeme_stages.align.tags import untagged
 
-# Stage directions and engine tags are not spoken.
-_TAG = re.compile(r"<[^<>]*>|\[[^\[\]]*\]")
 _APOSTROPHES = str.maketrans({"’": "'", "‘": "'", "ʼ": "'", "`": "'", "´": "'"})
 # Part of the spelling, but not of the word: soft hyphen, joiners, the Arabic stretching line.
 _SILENT = str.maketrans(dict.fromkeys("\u00ad\u200c\u200d\u0640", ""))
@@ -36,8 +35,8 @@ class Token:
 def tokens(text: str, language: Language) -> list[Token]:
     """The words of a transcript in speaking order.
 
-    Numbers and signs become words of the language, tags in ``<…>`` and ``[…]`` are left out,
-    punctuation separates.
+    Numbers and signs become words of the language, inline tags are left out (`timed_tags` keeps
+    them), punctuation separates.
 
     Args:
         text: the transcript, which the positions refer to.
@@ -46,7 +45,7 @@ def tokens(text: str, language: Language) -> list[Token]:
     Raises:
         InputError: the language needs a reader whose extra is not installed.
     """
-    plain = _TAG.sub(lambda match: " " * len(match[0]), _plain(text, language))
+    plain = _plain(untagged(text), language)
     found: list[Token] = []
     for match in _pattern(language).finditer(plain):
         spoken = " ".join(numerals.spoken(match, language))
@@ -55,21 +54,6 @@ def tokens(text: str, language: Language) -> list[Token]:
         else:
             found += [Token(w, match.start(), match.end()) for w in _words(spoken, language)]
     return found
-
-
-def tags(text: str) -> list[tuple[str, int]]:
-    """The inline tags of a transcript, without their brackets, and where each starts.
-
-    They are events of the line: whatever follows them in the text follows them in time.
-
-    Example:
-        >>> tags("[laughs] Oh <break time='1s'/>no")
-        [('laughs', 0), ("break time='1s'", 12)]
-    """
-    return [
-        (match[0][1:-1].strip().removesuffix("/").rstrip(), match.start())
-        for match in _TAG.finditer(text)
-    ]
 
 
 def _plain(text: str, language: Language) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,11 @@ from animeme.contracts import Speech
 from animeme.errors import InputError
 from animeme.files import unreadable
 from animeme.findings import Finding, Severity
+from animeme_stages.ingest.audio_channels import choose
+from animeme_stages.ingest.audio_checks import heard, offset
+from animeme_stages.ingest.audio_container import is_container, read_container
 from animeme_stages.ingest.audio_length import promised_sound
+from animeme_stages.ingest.audio_speech import measure
 
 SPEECH_RATE_HZ = 16_000
 
@@ -21,42 +26,58 @@ SPEECH_RATE_HZ = 16_000
 SILENT_PEAK_DBFS = -60.0
 # Shorter than any word.
 SHORTEST_S = 0.1
+# Encodings of 8 bits and less, in libsndfile's names.
+_COARSE = frozenset({"PCM_U8", "PCM_S8", "ULAW", "ALAW", "IMA_ADPCM", "MS_ADPCM", "GSM610"})
 
 
 def read_speech(path: Path) -> Speech:
-    """Read a recording for alignment.
+    """Read a recording for alignment, and say what is wrong with it.
 
     Args:
-        path: any file that libsndfile decodes.
+        path: any file that libsndfile decodes; films and AAC with the extra ``video``.
 
     Returns:
-        The loudest channel at 16 kHz.
+        The channel with the voice at 16 kHz, centred.
 
     Raises:
-        InputError: missing, empty, damaged, truncated, silent or too short.
+        InputError: missing, empty, damaged, truncated, silent or too short, or its extra is not
+            installed.
     """
-    samples, rate_hz = _decode(path)
+    decoded = _decode(path)
+    samples, rate_hz = decoded.samples, decoded.rate_hz
     duration_s = len(samples) / rate_hz
-    findings: list[Finding] = []
-    if samples.shape[1] > 1:
-        channel = int(np.argmax(np.square(samples, dtype=np.float64).sum(axis=0)))
-        message = f"{samples.shape[1]} channels; channel {channel + 1}, the loudest, is used"
-        findings.append(Finding(Severity.INFO, "audio-channels", message, place=str(path)))
-    else:
-        channel = 0
-    mono = samples[:, channel]
-    _require_voice(path, mono, duration_s)
+    _require_length(path, duration_s)
+    channel, said = choose(samples, rate_hz, path)
+    findings = list(said)
+    mono = np.ascontiguousarray(samples[:, channel])
+    middle = offset(mono)
+    if middle:
+        mono = mono - np.float32(middle)
+        message = f"is off centre by {abs(middle):.0%} of full scale and was centred to be read"
+        findings.append(Finding(Severity.INFO, "audio-dc-offset", message, place=str(path)))
+    peak = _require_voice(path, mono)
+    speech = mono
     if rate_hz != SPEECH_RATE_HZ:
-        mono = soxr.resample(mono, rate_hz, SPEECH_RATE_HZ)
-    if rate_hz < SPEECH_RATE_HZ:
-        message = f"recorded at {rate_hz} Hz: consonants are harder to place"
-        findings.append(Finding(Severity.INFO, "audio-narrowband", message, place=str(path)))
-    pcm = np.clip(np.round(mono * 32768.0), -32768, 32767).astype(np.int16)
+        speech = soxr.resample(mono, rate_hz, SPEECH_RATE_HZ)
+    if peak > 1.0:
+        speech = speech / np.float32(peak)
+    sound = measure(speech)
+    findings += heard(mono, sound, rate_hz=rate_hz, coarse=decoded.coarse, path=path)
+    pcm = np.clip(np.round(speech * 32768.0), -32768, 32767).astype(np.int16)
     return Speech(path, pcm, SPEECH_RATE_HZ, duration_s, tuple(findings))
 
 
-def _decode(path: Path) -> tuple[NDArray[np.float32], int]:
-    """All samples, shape (S, channels), and the rate in Hz."""
+@dataclass(frozen=True)
+class _Decoded:
+    """Samples of shape (S, channels), their rate, and whether they have but 8 bits or less."""
+
+    samples: NDArray[np.float32]
+    rate_hz: int
+    coarse: bool
+
+
+def _decode(path: Path) -> _Decoded:
+    """All samples, whole and finite, of at least one channel."""
     if not path.is_file():
         raise InputError(
             "audio-missing",
@@ -66,6 +87,9 @@ def _decode(path: Path) -> tuple[NDArray[np.float32], int]:
         )
     if path.stat().st_size == 0:
         raise _empty(path)
+    if is_container(path):
+        container = read_container(path)
+        return _Decoded(_sound(path, container.samples), container.rate_hz, coarse=False)
     try:
         promise = promised_sound(path)
         if promise is not None and promise.missing > 0:
@@ -74,6 +98,7 @@ def _decode(path: Path) -> tuple[NDArray[np.float32], int]:
             promised = stream.frames
             samples = stream.read(dtype="float32", always_2d=True)
             rate_hz = int(stream.samplerate)
+            coarse = stream.subtype in _COARSE
     except OSError as error:
         raise unreadable(path, "audio-unreadable", error) from error
     except (soundfile.SoundFileError, RuntimeError, ValueError) as error:
@@ -83,10 +108,15 @@ def _decode(path: Path) -> tuple[NDArray[np.float32], int]:
             place=str(path),
             action="Export it again as WAV or FLAC.",
         ) from error
-    if len(samples) == 0:
-        raise _empty(path)
     if len(samples) < promised:
         raise _truncated(path, f"{len(samples)} of {promised} samples are there")
+    return _Decoded(_sound(path, samples), rate_hz, coarse)
+
+
+def _sound(path: Path, samples: NDArray[np.float32]) -> NDArray[np.float32]:
+    """`samples` if they are some, and numbers."""
+    if len(samples) == 0:
+        raise _empty(path)
     if not np.isfinite(samples).all():
         raise InputError(
             "audio-unreadable",
@@ -94,7 +124,7 @@ def _decode(path: Path) -> tuple[NDArray[np.float32], int]:
             place=str(path),
             action="Export it again as WAV or FLAC.",
         )
-    return samples, rate_hz
+    return samples
 
 
 def _reason(error: Exception) -> str:
@@ -102,7 +132,7 @@ def _reason(error: Exception) -> str:
     return str(error).splitlines()[-1].rpartition(": ")[2].strip().rstrip(".")
 
 
-def _require_voice(path: Path, mono: NDArray[np.float32], duration_s: float) -> None:
+def _require_length(path: Path, duration_s: float) -> None:
     if duration_s < SHORTEST_S:
         raise InputError(
             "audio-too-short",
@@ -110,7 +140,12 @@ def _require_voice(path: Path, mono: NDArray[np.float32], duration_s: float) -> 
             place=str(path),
             action="Check the export range of the recording.",
         )
-    peak_dbfs = 20 * np.log10(max(float(np.abs(mono).max()), 1e-9))
+
+
+def _require_voice(path: Path, mono: NDArray[np.float32]) -> float:
+    """The highest sample's magnitude, of a sound that is not silent."""
+    peak = float(np.abs(mono).max())
+    peak_dbfs = 20 * np.log10(max(peak, 1e-9))
     if peak_dbfs < SILENT_PEAK_DBFS:
         raise InputError(
             "audio-silent",
@@ -118,6 +153,7 @@ def _require_voice(path: Path, mono: NDArray[np.float32], duration_s: float) -> 
             place=str(path),
             action="Check the channel and the level of the export.",
         )
+    return peak
 
 
 def _empty(path: Path) -> InputError:

@@ -19,7 +19,7 @@ def matches(source: Source) -> bool:
 
 
 def read(source: Source) -> Timings:
-    """The words and phones of the document.
+    """The words, phones and tags of the document.
 
     Raises:
         DamagedError: it is not valid.
@@ -32,7 +32,8 @@ def read(source: Source) -> Timings:
         raise DamagedError(f"{place}: {first['msg'].lower()}") from None
     words = tuple(Span(word.text, word.start_s, word.end_s) for word in document.words)
     phones = tuple(Span(phone.symbol, phone.start_s, phone.end_s) for phone in document.phones)
-    return Timings(words, phones, (), document.duration_s, "alignment")
+    tags = tuple(Span(event.tag, event.time_s, event.time_s) for event in document.events)
+    return Timings(words, phones, (), document.duration_s, "alignment", tags)
 
 
 def write(track: PhoneTrack, name: str) -> str:

@@ -10,9 +10,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from animeme.phones import SILENCE, Phone, PhoneTrack, Word
+from animeme.phones import SILENCE, Event, Phone, PhoneTrack, Word
 from animeme_stages.align.interchange.source import Source, number
-from animeme_stages.align.interchange.tiers import Tier, timings_of
+from animeme_stages.align.interchange.tiers import TAG_TIER, Tier, timings_of
 from animeme_stages.align.interchange.timings import ROUNDING_S, DamagedError, Span, Timings
 
 # Possessive throughout: no text, however odd, is scanned twice.
@@ -52,19 +52,23 @@ def read(source: Source) -> Timings:
 
 
 def write(track: PhoneTrack, name: str) -> str:
-    """`track` in the long form: a tier of words where there are any, and a tier of phones.
+    """`track` in the long form: tiers of words, phones and, as points, of tags.
 
-    Pauses are empty intervals, as Praat and MFA have them. Times keep every digit.
+    Tiers of words and tags are left out where there are none. Pauses are empty intervals, as Praat
+    and MFA have them. Times keep every digit.
     """
     duration_s = track.duration_s
     tiers = [("phones", [_interval(phone) for phone in track.phones])]
     if track.words:
         tiers.insert(0, ("words", _filled(track.words, duration_s)))
     lines = ['File type = "ooTextFile"', 'Object class = "TextGrid"', ""]
-    lines += ["xmin = 0", f"xmax = {duration_s!r}", "tiers? <exists>", f"size = {len(tiers)}"]
+    size = len(tiers) + bool(track.events)
+    lines += ["xmin = 0", f"xmax = {duration_s!r}", "tiers? <exists>", f"size = {size}"]
     lines.append("item []:")
     for index, (tier, spans) in enumerate(tiers, start=1):
         lines += _tier_lines(index, tier, spans, duration_s)
+    if track.events:
+        lines += _point_lines(size, _moments(track.events), duration_s)
     return "\n".join(lines) + "\n"
 
 
@@ -154,6 +158,33 @@ def _filled(words: tuple[Word, ...], duration_s: float) -> list[Span]:
     if cursor_s < duration_s:
         spans.append(Span("", cursor_s, duration_s))
     return spans
+
+
+def _moments(events: tuple[Event, ...]) -> list[tuple[float, str]]:
+    """Time and label of each point: Praat has no two points of a tier at one time."""
+    labels: dict[float, list[str]] = {}
+    for event in events:
+        labels.setdefault(event.time_s, []).append(event.tag)
+    return [(time_s, "\n".join(tags)) for time_s, tags in labels.items()]
+
+
+def _point_lines(index: int, points: list[tuple[float, str]], duration_s: float) -> list[str]:
+    lines = [
+        f"    item [{index}]:",
+        '        class = "TextTier"',
+        f'        name = "{TAG_TIER}"',
+        "        xmin = 0",
+        f"        xmax = {duration_s!r}",
+        f"        points: size = {len(points)}",
+    ]
+    for number_, (time_s, label) in enumerate(points, start=1):
+        quoted = label.replace('"', '""')
+        lines += [
+            f"        points [{number_}]:",
+            f"            number = {time_s!r}",
+            f'            mark = "{quoted}"',
+        ]
+    return lines
 
 
 def _tier_lines(index: int, name: str, spans: list[Span], duration_s: float) -> list[str]:

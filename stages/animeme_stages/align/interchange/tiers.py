@@ -5,7 +5,7 @@ Names first, as aligners and annotators use them; content where names do not tel
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from animeme_stages.align.interchange.symbols import looks_phonetic
@@ -16,6 +16,9 @@ WORD_NAMES = ("words", "word", "ort-mau", "ort", "kan", "wrd", "orthography", "t
 PHONE_NAMES = ("phones", "phone", "mau", "phonemes", "phoneme", "phn", "segments", "segment")
 _MOST = 1000
 VISEME_NAMES = ("visemes", "viseme", "mouth", "mouthcues")
+TAG_TIER = "events"
+"""The point tier of a transcript's inline tags, which we write; tags at one moment share a point,
+one a line."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,17 @@ def timings_of(tiers: Sequence[Tier], duration_s: float | None, source: str) -> 
     if not (words or phones or events):
         raise DamagedError("no tier holds words or phones")
     spans = words_of(_merged(words))
-    return Timings(spans, _merged(phones), words_of(_merged(events)), duration_s, source)
+    marks = words_of(_merged(events))
+    return Timings(spans, _merged(phones), marks, duration_s, source, tuple(_tags(tiers)))
+
+
+def _tags(tiers: Sequence[Tier]) -> Iterator[Span]:
+    """Each tag of the first point tier that holds them."""
+    found = [tier for tier in tiers if tier.points and tier.name == TAG_TIER]
+    for point in found[0].spans if found else ():
+        for tag in point.label.split("\n"):
+            if tag.strip():
+                yield point._replace(label=" ".join(tag.split()))
 
 
 def _named(tiers: Sequence[Tier], names: Sequence[str]) -> list[Tier]:

@@ -40,6 +40,7 @@ class Timings:
         events: visemes, with their lengths or as moments; () where the source has none.
         duration_s: length of the recording in seconds, None where the source does not tell.
         source: name of the format, a key of `FORMATS`.
+        tags: a transcript's inline tags as moments; () where the source has none.
 
     Raises:
         DamagedError: a time is not finite or negative, order is broken, or neighbours overlap.
@@ -50,6 +51,7 @@ class Timings:
     events: tuple[Span, ...]
     duration_s: float | None
     source: str
+    tags: tuple[Span, ...] = ()
 
     def __post_init__(self) -> None:
         if self.duration_s is not None and not 0.0 < self.duration_s < math.inf:
@@ -58,7 +60,9 @@ class Timings:
         for tier in ("words", "phones"):
             settled = _settled(getattr(self, tier), limit_s, tier)
             object.__setattr__(self, tier, settled)
-        object.__setattr__(self, "events", _settled_events(self.events, limit_s))
+        for tier in ("events", "tags"):
+            settled = _settled_events(getattr(self, tier), limit_s, tier)
+            object.__setattr__(self, tier, settled)
         if not (self.words or self.phones or self.events):
             raise DamagedError("it holds no word, phone or viseme")
 
@@ -96,13 +100,13 @@ def _settled(spans: Sequence[Span], limit_s: float, tier: str) -> tuple[Span, ..
     return tuple(settled)
 
 
-def _settled_events(spans: Sequence[Span], limit_s: float) -> tuple[Span, ...]:
+def _settled_events(spans: Sequence[Span], limit_s: float, tier: str) -> tuple[Span, ...]:
     settled: list[Span] = []
     cursor_s = 0.0
     for span in spans:
-        _require_sound(span, limit_s, "events")
+        _require_sound(span, limit_s, tier)
         if span.start_s < cursor_s or span.end_s < span.start_s:
-            raise DamagedError(f"events: '{span.label:.40}' at {span.start_s} s is out of order")
+            raise DamagedError(f"{tier}: '{span.label:.40}' at {span.start_s} s is out of order")
         settled.append(span)
         cursor_s = span.start_s
     return tuple(settled)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from animeme.errors import InputError
-from animeme.phones import SILENCE, Inventory, Phone, PhoneTrack, Word, contiguous
+from animeme.phones import SILENCE, Event, Inventory, Phone, PhoneTrack, Word, contiguous
 from animeme_stages.align.interchange.symbols import arpabet, inventory_of, ipa
 from animeme_stages.align.interchange.timings import ROUNDING_S, Span, Timings
 
@@ -48,7 +48,8 @@ def track_from(
         for span in timings.words
         if span.start_s < duration_s
     )
-    return PhoneTrack(language, chosen, contiguous(phones, duration_s), words)
+    events = tuple(Event(tag.label, min(max(tag.start_s, 0.0), duration_s)) for tag in timings.tags)
+    return PhoneTrack(language, chosen, contiguous(phones, duration_s), words, events)
 
 
 def anchors(timings: Timings, *, duration_s: float, place: str = "timings") -> tuple[Span, ...]:

@@ -1,0 +1,151 @@
+"""Whether a sound could be speech at all, by three properties that every voice has.
+
+Speech rises and falls with its syllables, it has a voice or at least the formants of a whisper, and
+no sound in it stays as it is for long (Scheirer and Slaney 1997, "Construction and evaluation of a
+robust multifeature speech/music discriminator", use the same three). Only what is far from all
+speech is told apart here: music with a singer, or a crowd, is for the aligner to refuse.
+
+Thresholds were set between 1,000 recorded lines in five languages, the same lines whispered
+(synthetically) or in noise down to 5 dB below the voice, and synthetic noises, beeps and music;
+``docs/alignment.md`` has the figures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+RATE_HZ = 16_000
+
+_FRAME, _HOP = 512, 320  # 32 ms every 20 ms
+# Frames that are worked on at a time: memory must not grow with the recording's length.
+_BLOCK = 1024
+# What the spectrum is compared over: 100 ms are most of a syllable.
+_LAG = 3
+# Sound is what lies within this of the loud parts, and above a 16-bit recording's own noise.
+_SOUND_DB = 25.0
+_FLOOR_DB = -60.0
+# Lag in samples of voices between 70 and 400 Hz.
+_PERIODS = slice(RATE_HZ // 400, RATE_HZ // 70)
+
+# Right lines reach 0.05, sustained notes and beeps start at 0.3.
+STEADY_SHARE = 0.2
+# Level's standard deviation in dB, as recorded and with the treble raised. Right lines have more
+# than 4.1 and 4.6, in noise at 5 dB 2.7 and 0.5; steady noises have less than 3.2 and 1.0.
+LEVEL_DB = (3.4, 1.2)
+# Spectral flatness and share of voiced frames. Noise has 0.5 and 0, right lines less than 0.1 and
+# more than 0.6, whispers less than 0.2 and some.
+NOISE_FLATNESS, NOISE_VOICED = 0.3, 0.05
+# A word's sound goes on for at least 0.1 s; clicks for two frames.
+CLICK_FRAMES = 3
+# Less sound than this is too little to judge.
+SHORTEST_SOUND_S = 0.3
+
+
+@dataclass(frozen=True)
+class Sound:
+    """What is measured of a recording, over the frames that are loud enough.
+
+    Attributes:
+        sound_s: seconds of sound.
+        longest_s: longest stretch of it.
+        level_db: median level of the sound, dB of full scale.
+        swing_db: standard deviation of its level, as recorded and with the treble raised.
+        steady: share of frames whose spectrum is that of 60 ms before.
+        voiced: share of frames with a pitch.
+        flatness: median spectral flatness, 0 a tone, 0.56 white noise.
+    """
+
+    sound_s: float
+    longest_s: float
+    level_db: float
+    swing_db: tuple[float, float]
+    steady: float
+    voiced: float
+    flatness: float
+
+    @property
+    def strange(self) -> str:
+        """What it sounds like if that cannot be speech, "" if it can."""
+        if self.longest_s <= CLICK_FRAMES * _HOP / RATE_HZ:
+            return "nothing but clicks"
+        if self.sound_s < SHORTEST_SOUND_S:
+            return ""
+        if self.steady > STEADY_SHARE:
+            return "steady tones, like music or beeps"
+        if self.swing_db[0] < LEVEL_DB[0] and self.swing_db[1] < LEVEL_DB[1]:
+            return "an even noise or hum"
+        if self.flatness > NOISE_FLATNESS and self.voiced < NOISE_VOICED:
+            return "noise"
+        return ""
+
+
+def measure(mono: NDArray[np.float32]) -> Sound:
+    """Measure a recording.
+
+    Args:
+        mono: samples at `RATE_HZ`, full scale 1, without offset, shape (S,).
+    """
+    columns = [_measured(block) for block in _blocks(mono)]
+    level, treble, steady, voiced, flatness = np.concatenate(columns, axis=1)
+    top = np.percentile(level, 95)
+    sound = level > max(top - _SOUND_DB, _FLOOR_DB)
+    if not sound.any():
+        return Sound(0.0, 0.0, float(top), (0.0, 0.0), 0.0, 0.0, 0.0)
+    both = sound & np.roll(sound, _LAG)
+    both[:_LAG] = False
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], sound.astype(np.int8), [0]))))
+    hop_s = _HOP / RATE_HZ
+    return Sound(
+        sound_s=float(sound.sum() * hop_s),
+        longest_s=float((edges[1::2] - edges[::2]).max() * hop_s),
+        level_db=float(np.median(level[sound])),
+        swing_db=(float(level[sound].std()), float(_loud(treble).std())),
+        steady=float((steady[both] > 0.98).mean()) if both.any() else 0.0,
+        voiced=float((voiced[sound] > 0.6).mean()),
+        flatness=float(np.median(flatness[sound])),
+    )
+
+
+def _loud(level: NDArray[np.float64]) -> NDArray[np.float64]:
+    return level[level > np.percentile(level, 95) - _SOUND_DB]
+
+
+def _blocks(mono: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
+    """Frames of consecutive stretches, each after the `_LAG` frames that precede it."""
+    if len(mono) < _FRAME:
+        mono = np.pad(mono, (0, _FRAME - len(mono)))
+    frames = np.lib.stride_tricks.sliding_window_view(mono, _FRAME)[::_HOP]
+    for start in range(0, len(frames), _BLOCK):
+        padded = max(0, start - _LAG)
+        yield np.pad(
+            frames[padded : start + _BLOCK], ((_LAG - (start - padded), 0), (0, 0)), mode="edge"
+        )
+
+
+_WINDOW = np.hanning(_FRAME).astype(np.float32)
+_WINDOW_CORRELATION = np.fft.irfft(np.abs(np.fft.rfft(_WINDOW, 2 * _FRAME)) ** 2)
+# Power gain of a first difference with 0.97, per bin: the usual raising of the treble.
+_TREBLE = np.abs(1 - 0.97 * np.exp(-1j * np.pi * np.arange(_FRAME + 1) / _FRAME)) ** 2
+
+
+def _measured(frames: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Level, level with raised treble, likeness to 60 ms before, periodicity, flatness: (5, F)."""
+    power = np.abs(np.fft.rfft(frames * _WINDOW, 2 * _FRAME, axis=1)) ** 2
+    raised = power * _TREBLE
+    amplitude = np.sqrt(raised[:, 6:320:2])  # 94 Hz to 5 kHz
+    amplitude /= np.linalg.norm(amplitude, axis=1, keepdims=True) + 1e-9
+    alike = (amplitude[_LAG:] * amplitude[:-_LAG]).sum(axis=1)
+    power, raised = power[_LAG:], raised[_LAG:]
+    scale = 1 / (_FRAME * _FRAME)
+    level = 10 * np.log10(power.sum(axis=1) * scale + 1e-12)
+    treble = 10 * np.log10(raised.sum(axis=1) * scale + 1e-12)
+    correlation = np.fft.irfft(power, axis=1)[:, : _PERIODS.stop]
+    own = _WINDOW_CORRELATION[: _PERIODS.stop] / _WINDOW_CORRELATION[0]
+    periodic = correlation[:, _PERIODS] / (correlation[:, :1] * own[_PERIODS] + 1e-12)
+    bands = power[:, 6:-2:2] + 1e-12
+    flatness = np.exp(np.log(bands).mean(axis=1)) / bands.mean(axis=1)
+    return np.stack((level, treble, alike, periodic.max(axis=1), flatness))
