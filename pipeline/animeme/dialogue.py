@@ -11,10 +11,8 @@ from pathlib import Path
 
 from animeme.findings import Finding, Severity
 
-AUDIO_SUFFIXES = (
-    *(".wav", ".flac", ".mp3", ".ogg", ".opus", ".aiff", ".aif"),
-    *(".m4a", ".mp4", ".mov"),  # with the extra `video`
-)
+FILM_SUFFIXES = (".m4a", ".mp4", ".mov")  # with the extra `video`
+AUDIO_SUFFIXES = (".wav", ".flac", ".mp3", ".ogg", ".opus", ".aiff", ".aif", *FILM_SUFFIXES)
 TEXT_SUFFIXES = (".txt", ".lab")
 TIMING_SUFFIXES = (".textgrid",)
 
@@ -81,6 +79,8 @@ def find_lines(root: Path, characters: Iterable[str]) -> tuple[Line, ...]:
 
 def _line(language: str, character: str, name: str, files: list[Path]) -> Line:
     audio = [file for file in files if file.suffix.lower() in AUDIO_SUFFIXES]
+    # A film beside a recording is what the line looks like, not a second recording.
+    audio = [file for file in audio if file.suffix.lower() not in FILM_SUFFIXES] or audio
     texts = [file for file in files if file.suffix.lower() in TEXT_SUFFIXES]
     findings = []
     timings = [file for file in files if file.suffix.lower() in TIMING_SUFFIXES]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
 from animeme.findings import Finding, Severity
 from animeme_stages.ingest.audio_speech import Sound
@@ -26,8 +27,8 @@ COARSE_CLIPPED_RUN = 8
 CLIPPED_RUNS = 5
 CLIPPED_SHARE = 0.001
 
-# Right lines are above -30 dB of full scale.
-QUIET_DB = -45.0
+# Median level of what is sound; right lines have -39 to -17 dB of full scale.
+QUIET_DB = -50.0
 
 OFFSET = 0.02
 OVER_SCALE = 10 ** (1 / 20)
@@ -124,11 +125,12 @@ def is_narrow(mono: NDArray[np.float32], rate_hz: int) -> bool:
     size = 1024
     above = below = 0.0
     first = int(np.ceil(NARROW_HZ * size / rate_hz))
+    window = np.hanning(size).astype(np.float32)
     last = size * min(8_000, rate_hz // 2) // rate_hz
     for start in range(0, len(mono), size * size):  # a mebisample at a time
         part = mono[start : start + size * size]
-        frames = np.pad(part, (0, -len(part) % size)).reshape(-1, size) * np.hanning(size)
-        power = (np.abs(np.fft.rfft(frames, axis=1)) ** 2).sum(axis=0)
+        frames = np.pad(part, (0, -len(part) % size)).reshape(-1, size) * window
+        power = (np.abs(fft.rfft(frames, axis=1)) ** 2).sum(axis=0)
         above += float(power[first:last].sum())
         below += float(power[:first].sum())
     return above < below * 10 ** (NARROW_DB / 10)

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
 RATE_HZ = 16_000
 
@@ -27,19 +28,21 @@ _BLOCK = 1024
 _LAG = 3
 # Sound is what lies within this of the loud parts, and above a 16-bit recording's own noise.
 _SOUND_DB = 25.0
-_FLOOR_DB = -60.0
+_FLOOR_DB = -80.0
 # Lag in samples of voices between 70 and 400 Hz.
 _PERIODS = slice(RATE_HZ // 400, RATE_HZ // 70)
 
-# Right lines reach 0.05, sustained notes and beeps start at 0.3.
+# Right lines reach 0.04; sustained notes and beeps start at 0.26.
 STEADY_SHARE = 0.2
-# Level's standard deviation in dB, as recorded and with the treble raised. Right lines have more
-# than 4.1 and 4.6, in noise at 5 dB 2.7 and 0.5; steady noises have less than 3.2 and 1.0.
-LEVEL_DB = (3.4, 1.2)
-# Spectral flatness and share of voiced frames. Noise has 0.5 and 0, right lines less than 0.1 and
-# more than 0.6, whispers less than 0.2 and some.
+# Standard deviation of the level in dB, as recorded and with the treble raised. Right lines have
+# more than 4.3 in both, and 2.7 and 0.5 in noise 5 dB below them; steady noises up to 3.3 and 1.0.
+# Below the first nothing speaks, whatever the treble does.
+EVEN_DB = 1.5
+LEVEL_DB, TREBLE_DB = 3.7, 1.2
+# Noise has a flatness of 0.5 and no voice. Right lines stay below 0.08, whispers below 0.2; lines
+# in noise of their own level have 0.5, but a voice in a tenth of their frames.
 NOISE_FLATNESS, NOISE_VOICED = 0.3, 0.05
-# A word's sound goes on for at least 0.1 s; clicks for two frames.
+# A word's sound goes on for at least 0.1 s; clicks for two or three frames.
 CLICK_FRAMES = 3
 # Less sound than this is too little to judge.
 SHORTEST_SOUND_S = 0.3
@@ -55,7 +58,7 @@ class Sound:
         level_db: median level of the sound, dB of full scale.
         swing_db: standard deviation of its level, as recorded and with the treble raised.
         steady: share of frames whose spectrum is that of 60 ms before.
-        voiced: share of frames with a pitch.
+        voiced: share of frames with a pitch; looked for in what is as flat as noise, else 1.
         flatness: median spectral flatness, 0 a tone, 0.56 white noise.
     """
 
@@ -70,13 +73,14 @@ class Sound:
     @property
     def strange(self) -> str:
         """What it sounds like if that cannot be speech, "" if it can."""
-        if self.longest_s <= CLICK_FRAMES * _HOP / RATE_HZ:
+        if 0.0 < self.longest_s <= CLICK_FRAMES * _HOP / RATE_HZ:
             return "nothing but clicks"
         if self.sound_s < SHORTEST_SOUND_S:
             return ""
         if self.steady > STEADY_SHARE:
             return "steady tones, like music or beeps"
-        if self.swing_db[0] < LEVEL_DB[0] and self.swing_db[1] < LEVEL_DB[1]:
+        level_db, treble_db = self.swing_db
+        if level_db < EVEN_DB or (level_db < LEVEL_DB and treble_db < TREBLE_DB):
             return "an even noise or hum"
         if self.flatness > NOISE_FLATNESS and self.voiced < NOISE_VOICED:
             return "noise"
@@ -90,7 +94,7 @@ def measure(mono: NDArray[np.float32]) -> Sound:
         mono: samples at `RATE_HZ`, full scale 1, without offset, shape (S,).
     """
     columns = [_measured(block) for block in _blocks(mono)]
-    level, treble, steady, voiced, flatness = np.concatenate(columns, axis=1)
+    level, treble, steady, flatness = np.concatenate(columns, axis=1)
     top = np.percentile(level, 95)
     sound = level > max(top - _SOUND_DB, _FLOOR_DB)
     if not sound.any():
@@ -99,19 +103,21 @@ def measure(mono: NDArray[np.float32]) -> Sound:
     both[:_LAG] = False
     edges = np.flatnonzero(np.diff(np.concatenate(([0], sound.astype(np.int8), [0]))))
     hop_s = _HOP / RATE_HZ
+    flat = float(np.median(flatness[sound]))
     return Sound(
         sound_s=float(sound.sum() * hop_s),
         longest_s=float((edges[1::2] - edges[::2]).max() * hop_s),
         level_db=float(np.median(level[sound])),
         swing_db=(float(level[sound].std()), float(_loud(treble).std())),
         steady=float((steady[both] > 0.98).mean()) if both.any() else 0.0,
-        voiced=float((voiced[sound] > 0.6).mean()),
-        flatness=float(np.median(flatness[sound])),
+        voiced=_voiced(mono, sound) if flat > NOISE_FLATNESS else 1.0,
+        flatness=flat,
     )
 
 
-def _loud(level: NDArray[np.float64]) -> NDArray[np.float64]:
-    return level[level > np.percentile(level, 95) - _SOUND_DB]
+def _loud(level: NDArray[np.floating]) -> NDArray[np.floating]:
+    chosen: NDArray[np.floating] = level[level > np.percentile(level, 95) - _SOUND_DB]
+    return chosen
 
 
 def _blocks(mono: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
@@ -127,14 +133,16 @@ def _blocks(mono: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
 
 
 _WINDOW = np.hanning(_FRAME).astype(np.float32)
-_WINDOW_CORRELATION = np.fft.irfft(np.abs(np.fft.rfft(_WINDOW, 2 * _FRAME)) ** 2)
+_WINDOW_CORRELATION = fft.irfft(np.abs(fft.rfft(_WINDOW, 2 * _FRAME)) ** 2)
 # Power gain of a first difference with 0.97, per bin: the usual raising of the treble.
-_TREBLE = np.abs(1 - 0.97 * np.exp(-1j * np.pi * np.arange(_FRAME + 1) / _FRAME)) ** 2
+_TREBLE = (np.abs(1 - 0.97 * np.exp(-1j * np.pi * np.arange(_FRAME + 1) / _FRAME)) ** 2).astype(
+    np.float32
+)
 
 
-def _measured(frames: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Level, level with raised treble, likeness to 60 ms before, periodicity, flatness: (5, F)."""
-    power = np.abs(np.fft.rfft(frames * _WINDOW, 2 * _FRAME, axis=1)) ** 2
+def _measured(frames: NDArray[np.float32]) -> NDArray[np.floating]:
+    """Level, level with raised treble, likeness to 60 ms before, flatness: shape (4, F)."""
+    power = np.abs(fft.rfft(frames * _WINDOW, 2 * _FRAME, axis=1)) ** 2
     raised = power * _TREBLE
     amplitude = np.sqrt(raised[:, 6:320:2])  # 94 Hz to 5 kHz
     amplitude /= np.linalg.norm(amplitude, axis=1, keepdims=True) + 1e-9
@@ -143,9 +151,20 @@ def _measured(frames: NDArray[np.float32]) -> NDArray[np.float64]:
     scale = 1 / (_FRAME * _FRAME)
     level = 10 * np.log10(power.sum(axis=1) * scale + 1e-12)
     treble = 10 * np.log10(raised.sum(axis=1) * scale + 1e-12)
-    correlation = np.fft.irfft(power, axis=1)[:, : _PERIODS.stop]
-    own = _WINDOW_CORRELATION[: _PERIODS.stop] / _WINDOW_CORRELATION[0]
-    periodic = correlation[:, _PERIODS] / (correlation[:, :1] * own[_PERIODS] + 1e-12)
     bands = power[:, 6:-2:2] + 1e-12
     flatness = np.exp(np.log(bands).mean(axis=1)) / bands.mean(axis=1)
-    return np.stack((level, treble, alike, periodic.max(axis=1), flatness))
+    return np.stack((level, treble, alike, flatness))
+
+
+def _voiced(mono: NDArray[np.float32], sound: NDArray[np.bool_]) -> float:
+    """Share of the frames in `sound` with a pitch: normalised autocorrelation (Boersma 1993)."""
+    own = _WINDOW_CORRELATION[_PERIODS] / _WINDOW_CORRELATION[0]
+    periodic = []
+    for frames in _blocks(mono):
+        power: NDArray[np.float32] = (
+            np.abs(fft.rfft(frames[_LAG:] * _WINDOW, 2 * _FRAME, axis=1)) ** 2
+        )
+        correlation = fft.irfft(power, axis=1)
+        peaks = correlation[:, _PERIODS] / (correlation[:, :1] * own + 1e-12)
+        periodic.append(peaks.max(axis=1))
+    return float((np.concatenate(periodic)[sound] > 0.6).mean())
