@@ -46,31 +46,34 @@ def choose(
     if len(live) <= 1:
         return loudest, (_said(path, count, loudest, "the only one with sound"),)
     parts = {channel: _resampled(samples[:, channel], rate_hz) for channel in live}
-    likeness = {c: _likeness(parts[loudest], parts[c]) for c in live if c != loudest}
-    if all(alike > COPY for alike in likeness.values()):
-        return live[0], (_said(path, count, live[0], "the same as the others"),)
-    if any(alike < -COPY for alike in likeness.values()):
-        mirrored = next(c for c, alike in likeness.items() if alike < -COPY)
-        message = (
-            f"{count} channels; {mirrored + 1} is {loudest + 1} upside down, so that they would "
-            f"cancel each other if mixed; channel {loudest + 1} is used"
-        )
-        return loudest, (Finding(Severity.INFO, "audio-phase", message, place=str(path)),)
     strange = {channel: measure(parts[channel]).strange for channel in live}
     voices = [channel for channel in live if not strange[channel]] or live
     chosen = max(voices, key=lambda channel: float(energy[channel]))
-    others = [c for c in voices if c != chosen and _likeness(parts[chosen], parts[c]) < TOGETHER]
-    if others and not strange[chosen]:
+    likeness = {c: _likeness(parts[chosen], parts[c]) for c in voices if c != chosen}
+    mirrored = [channel for channel, alike in likeness.items() if alike < -COPY]
+    apart = [channel for channel, alike in likeness.items() if alike < TOGETHER]
+    if mirrored:
         message = (
-            f"channels {chosen + 1} and {others[0] + 1} hold different voices or sounds; channel "
+            f"{count} channels; {mirrored[0] + 1} is {chosen + 1} upside down, so that they would "
+            f"cancel each other if mixed; channel {chosen + 1} is used"
+        )
+        return chosen, (Finding(Severity.INFO, "audio-phase", message, place=str(path)),)
+    if apart and not strange[chosen]:
+        message = (
+            f"channels {chosen + 1} and {apart[0] + 1} hold different voices or sounds; channel "
             f"{chosen + 1}, the louder, is used"
         )
         action = "Deliver one file per speaker, with nothing but the line in it."
         return chosen, (
             Finding(Severity.WARNING, "audio-voices", message, place=str(path), action=action),
         )
-    only = len(voices) == 1 and not strange[chosen]
-    return chosen, (_said(path, count, chosen, "the one with speech" if only else "the loudest"),)
+    if len(voices) < len(live):
+        why = "the one with speech" if len(voices) == 1 else "the loudest with speech"
+    elif all(alike > COPY for alike in likeness.values()):
+        why = "the same as the others"
+    else:
+        why = "the loudest"
+    return chosen, (_said(path, count, chosen, why),)
 
 
 def _said(path: Path, count: int, channel: int, why: str) -> Finding:
@@ -79,10 +82,12 @@ def _said(path: Path, count: int, channel: int, why: str) -> Finding:
 
 
 def _resampled(channel: NDArray[np.float32], rate_hz: int) -> NDArray[np.float32]:
-    centred = np.ascontiguousarray(channel - channel.mean(dtype=np.float64), np.float32)
+    """A channel that is not silent, at `RATE_HZ`, centred, its peak at full scale."""
+    centred = channel - channel.mean(dtype=np.float64)
+    scaled = np.ascontiguousarray(centred / np.abs(centred).max(), np.float32)
     if rate_hz == RATE_HZ:
-        return centred
-    return np.asarray(soxr.resample(centred, rate_hz, RATE_HZ), np.float32)
+        return scaled
+    return np.asarray(soxr.resample(scaled, rate_hz, RATE_HZ), np.float32)
 
 
 def _likeness(a: NDArray[np.float32], b: NDArray[np.float32]) -> float:

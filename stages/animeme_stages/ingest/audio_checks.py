@@ -17,6 +17,8 @@ from animeme_stages.ingest.audio_speech import Sound
 NARROW_HZ = 4_200.0
 NARROW_DB = -60.0
 NARROW_RATE_HZ = 16_000
+# A single vowel may have no treble.
+NARROW_SOUND_S = 0.5
 
 # Consecutive samples at a recording's highest or lowest value. One peak that was normalised to
 # full scale is one sample; 1,000 right lines have one run of this length between them.
@@ -80,6 +82,21 @@ def heard(
         over_db = 20 * np.log10(peak)
         message = f"goes {over_db:.0f} dB beyond full scale and was turned down to be read"
         yield finding(Severity.INFO, "audio-over-scale", message)
+    if sound.level_db < QUIET_DB:
+        yield finding(
+            Severity.WARNING,
+            "audio-quiet",
+            f"is very quiet (its sound is at {sound.level_db:.0f} dBFS)",
+            "Check the gain of the recording, and that this is the right channel.",
+        )
+    if sound.strange:
+        yield finding(
+            Severity.WARNING,
+            "audio-no-speech",
+            f"sounds like {sound.strange}; no speech was made out",
+            "Listen to it: the wrong file, or the wrong channel.",
+        )
+        return  # what follows is about voices
     count, share = clipping(mono, coarse=coarse)
     if count >= CLIPPED_RUNS:
         spoilt = share >= CLIPPED_SHARE
@@ -89,13 +106,6 @@ def heard(
             f"is clipped: {count} peaks are cut flat ({share:.2%} of the recording)",
             "Use a take that was recorded at a lower level." if spoilt else "",
         )
-    if sound.level_db < QUIET_DB:
-        yield finding(
-            Severity.WARNING,
-            "audio-quiet",
-            f"is very quiet (its sound is at {sound.level_db:.0f} dBFS)",
-            "Check the gain of the recording, and that this is the right channel.",
-        )
     if rate_hz < NARROW_RATE_HZ:
         yield finding(
             Severity.WARNING,
@@ -103,20 +113,13 @@ def heard(
             f"was recorded at {rate_hz} Hz, so it lacks the treble that tells consonants apart",
             f"Deliver it at {NARROW_RATE_HZ} Hz or more, from the original.",
         )
-    elif is_narrow(mono, rate_hz):
+    elif sound.sound_s >= NARROW_SOUND_S and is_narrow(mono, rate_hz):
         yield finding(
             Severity.WARNING,
             "audio-narrowband",
             f"holds nothing above {NARROW_HZ / 1000:.1f} kHz although it has {rate_hz} Hz: it was "
             "made from telephone sound or lost its treble",
             "Deliver the original; if the sound is meant to be dull, deliver it before the effect.",
-        )
-    if sound.strange:
-        yield finding(
-            Severity.WARNING,
-            "audio-no-speech",
-            f"sounds like {sound.strange}; no speech was made out",
-            "Listen to it: the wrong file, or the wrong channel.",
         )
 
 
