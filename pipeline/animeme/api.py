@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -74,14 +75,14 @@ def align(
     """Find when each phone of a transcript is spoken.
 
     Args:
-        audio: a recording that libsndfile reads.
+        audio: a recording that libsndfile reads, or a film with the extra ``video``.
         text: what is said in it.
         language: BCP-47 tag.
         aligner: a registered aligner.
         lexicon: pronunciations that go before the aligner's own.
 
     Returns:
-        The phone track, and findings about it.
+        The phone track, and findings about it and the recording.
 
     Raises:
         InputError: audio or text cannot be used, or do not fit together.
@@ -97,7 +98,8 @@ def align(
     """
     speech = registry.stage("read-speech")(Path(audio))
     own = Path(lexicon) if lexicon is not None else None
-    return registry.aligner(aligner).align(speech, text, language=language, lexicon=own)
+    found = registry.aligner(aligner).align(speech, text, language=language, lexicon=own)
+    return replace(found, findings=(*speech.findings, *found.findings))
 
 
 def load_model(name_or_file: str | Path) -> Model:
