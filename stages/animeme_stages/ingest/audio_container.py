@@ -74,7 +74,10 @@ def _decoded(film: Any, track: Any, path: Path) -> Contained:
     # One format; channels and rate stay as they are.
     resampler = AudioResampler(format="fltp")
     frames: list[Any] = []
+    start_s = 0.0
     for frame in film.decode(track):
+        if not frames and frame.pts is not None:
+            start_s = float(frame.pts * frame.time_base)
         frames += resampler.resample(frame)
     if frames:
         frames += resampler.resample(None)
@@ -87,12 +90,21 @@ def _decoded(film: Any, track: Any, path: Path) -> Contained:
         )
     samples = np.concatenate([frame.to_ndarray() for frame in frames], axis=1).T
     rate_hz = int(frames[0].sample_rate)
-    promised_s = float(track.duration * track.time_base) if track.duration else 0.0
-    if len(samples) / rate_hz < promised_s - _PADDING_S:
+    samples = _from_zero(samples, round(start_s * rate_hz))
+    end_s = float(((track.duration or 0) + max(0, track.start_time or 0)) * track.time_base)
+    if len(samples) / rate_hz < end_s - _PADDING_S:
         raise InputError(
             "audio-truncated",
-            f"was cut off: {len(samples) / rate_hz:.2f} of {promised_s:.2f} s are there",
+            f"was cut off: {len(samples) / rate_hz:.2f} of {end_s:.2f} s are there",
             place=str(path),
             action="Copy or export the recording again.",
         )
+    samples = samples[: max(1, round(end_s * rate_hz))] if end_s else samples
     return Contained(np.ascontiguousarray(samples, np.float32), rate_hz)
+
+
+def _from_zero(samples: NDArray[np.float32], start: int) -> NDArray[np.float32]:
+    """`samples` from the film's first moment: the encoder's lead-in cut, a late start filled."""
+    if start <= 0:
+        return samples[-start:]
+    return np.pad(samples, ((start, 0), (0, 0)))
