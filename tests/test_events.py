@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import json
 import random
+import shutil
 from itertools import pairwise
 from pathlib import Path
 
+import pygltflib
 import pytest
+import soundfile
+from pxr import Usd
 
+import animeme
 from animeme import documents
 from animeme.phones import Event, Phone, PhoneTrack, Word
 from animeme_stages.align.interchange import FORMATS, read_timings, track_from, write_timings
 from animeme_stages.align.language import language
 from animeme_stages.align.tags import tag_spans, timed_tags, unpaired_brackets
 from animeme_stages.align.text import tokens
+from conftest import SAMPLE
 
 
 def spoken(text: str) -> list[str]:
@@ -223,3 +229,54 @@ def test_praatio_reads_the_tier_of_events(tmp_path: Path) -> None:
         (0.75, "😀 يضحك"),
         (1.0, "/emotion"),
     ]
+
+
+# Assets
+
+
+@pytest.fixture(scope="module")
+def spoken_assets(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The sample's crab and Ada with one line whose given timings have tags."""
+    folder = tmp_path_factory.mktemp("tagged")
+    (folder / "dialogue" / "en").mkdir(parents=True)
+    recording = SAMPLE / "dialogue" / "en" / "moon.wav"
+    shutil.copyfile(recording, folder / "dialogue" / "en" / "moon.wav")
+    length_s = soundfile.info(recording).duration
+    phones = (Phone("sil", 0.0, 0.5), Phone("M", 0.5, 0.7), Phone("UW", 0.7, length_s))
+    timed = PhoneTrack("en", "arpabet", phones, (), MANY)
+    write_timings(timed, folder / "dialogue" / "en" / "moon.TextGrid", "textgrid")
+    assets = [str(SAMPLE / name) for name in ("ada.glb", "ada.usdc")]
+    (folder / "job.toml").write_text(
+        f'[job]\nname = "t"\n[dialogue]\nroot = "dialogue"\n[characters.ada]\nasset = {assets}\n',
+        encoding="utf-8",
+    )
+    report = animeme.run(folder / "job.toml", output=folder / "out", executor="inline")
+    assert report.lines[0].outputs, report.all_findings
+    return folder / "out"
+
+
+WRITTEN = [(event.tag, event.time_s) for event in MANY]
+
+
+def test_a_gltf_animation_carries_the_tags(spoken_assets: Path) -> None:
+    (path,) = spoken_assets.rglob("*.glb")
+    extras = [a.extras.get("animeme", {}) for a in pygltflib.GLTF2.load(str(path)).animations]
+    (note,) = (note for note in extras if note.get("line") == "moon")
+    assert [(event["tag"], event["time_s"]) for event in note["events"]] == WRITTEN
+
+
+def test_a_usd_animation_carries_the_tags(spoken_assets: Path) -> None:
+    notes = []
+    for path in spoken_assets.rglob("*.usd*"):
+        stage = Usd.Stage.Open(str(path))
+        data = [prim.GetCustomDataByKey("animeme") or {} for prim in stage.TraverseAll()]
+        notes += [note for note in data if "eventTags" in note]
+    assert notes
+    for note in notes:
+        found = zip(note["eventTags"], note["eventTimes_s"], strict=True)
+        assert list(found) == WRITTEN
+
+
+def test_the_alignment_of_a_run_keeps_the_tags(spoken_assets: Path) -> None:
+    document = documents.read("alignment", spoken_assets / "alignments" / "en" / "moon.json")
+    assert PhoneTrack.from_document(document).events == MANY

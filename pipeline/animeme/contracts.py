@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from animeme.curves import CurveSet
 from animeme.findings import Finding
-from animeme.phones import PhoneTrack
+from animeme.phones import Event, PhoneTrack
 from animeme.rig import BoundRig, Character
 
 
@@ -155,12 +155,14 @@ class LineAnimation:
         language: BCP-47 tag.
         curves: over the character's canonical shape names (see `Character.canonical`).
         duration_s: length of the recording; the animation ends there.
+        events: the transcript's inline tags, which the asset carries beside the animation.
     """
 
     name: str
     language: str
     curves: CurveSet
     duration_s: float
+    events: tuple[Event, ...] = ()
 
 
 Verify = Callable[[Path], None]

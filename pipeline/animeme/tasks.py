@@ -29,6 +29,7 @@ from animeme.dialogue import Line
 from animeme.errors import InputError
 from animeme.files import unwritable, write_text
 from animeme.findings import Finding, Severity
+from animeme.phones import Event
 from animeme.rig import BoundRig, Character
 
 
@@ -223,24 +224,33 @@ def _animate(item: LineItem, context: RunContext, alignment: Alignment) -> Itera
         for check in registry.checks("line"):
             for finding in check.run(subject):
                 yield replace(finding, character=target.character)
-        _save_curves(_spooled(item.spool, item.number, index), shapes)
+        _save_curves(_spooled(item.spool, item.number, index), shapes, alignment.track.events)
 
 
 def _spooled(spool: Path, number: int, target: int) -> Path:
     return spool / f"{number}-{target}.npz"
 
 
-def _save_curves(path: Path, curves: CurveSet) -> None:
+def _save_curves(path: Path, curves: CurveSet, events: tuple[Event, ...]) -> None:
     try:
-        np.savez(path, times_s=curves.times_s, names=np.array(curves.names), weights=curves.weights)
+        np.savez(
+            path,
+            times_s=curves.times_s,
+            names=np.array(curves.names),
+            weights=curves.weights,
+            tags=np.array([event.tag for event in events], str),
+            tag_times_s=np.array([event.time_s for event in events], float),
+        )
     except OSError as error:
         raise unwritable(path, error) from error
 
 
-def _load_curves(path: Path) -> CurveSet:
+def _load_curves(path: Path) -> tuple[CurveSet, tuple[Event, ...]]:
     with np.load(path, allow_pickle=False) as data:
         names = tuple(str(name) for name in data["names"])
-        return CurveSet(data["times_s"], names, data["weights"])
+        curves = CurveSet(data["times_s"], names, data["weights"])
+        tags = zip(data["tags"].tolist(), data["tag_times_s"].tolist(), strict=True)
+        return curves, tuple(Event(tag, time_s) for tag, time_s in tags)
 
 
 class _RejectedError(Exception):
@@ -253,10 +263,9 @@ def write_asset(item: AssetItem) -> AssetOutcome:
     target = context.targets[item.target]
     form = registry.format_named(target.asset.format)
     lines = tuple(
-        LineAnimation(
-            name, item.language, _load_curves(_spooled(item.spool, number, item.target)), length_s
-        )
+        LineAnimation(name, item.language, curves, length_s, events)
         for number, name, length_s in item.lines
+        for curves, events in [_load_curves(_spooled(item.spool, number, item.target))]
     )
     findings: list[Finding] = []
 

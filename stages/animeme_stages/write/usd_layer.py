@@ -161,13 +161,15 @@ def _add_line(
     layer: Sdf.Layer, rig: Rig, path: Sdf.Path, character: Character, line: LineAnimation
 ) -> None:
     prim = _animation(layer, path, rig.animation)
-    prim.customData = {
-        CUSTOM_DATA: {
-            "line": line.name,
-            "language": line.language,
-            "duration_s": float(line.duration_s),
-        }
+    note = {
+        "line": line.name,
+        "language": line.language,
+        "duration_s": float(line.duration_s),
     }
+    if line.events:
+        note["eventTags"] = Vt.StringArray([event.tag for event in line.events])
+        note["eventTimes_s"] = Vt.DoubleArray([event.time_s for event in line.events])
+    prim.customData = {CUSTOM_DATA: note}
     names, codes, weights = shape_weights(rig, character, line.curves, layer.timeCodesPerSecond)
     types = Sdf.ValueTypeNames
     shapes = Sdf.AttributeSpec(prim, "blendShapes", types.TokenArray, Sdf.VariabilityUniform)
