@@ -111,7 +111,7 @@ def run(folder: Path, name: str, seed: str, count: int) -> set[str]:
     for _ in range(count):
         # Mostly under its own name, sometimes as if it were of another format.
         suffix = chance.choice((Path(name).suffix,) * 4 + (chance.choice(SUFFIXES), ".txt"))
-        path = folder / f"a{suffix}"
+        path = folder / f"{Path(name).stem}{suffix}"  # CTM looks for it in the file
         path.write_bytes(mutated(name, chance))
         outcomes.add(use(path, chance))
     return outcomes
