@@ -196,20 +196,29 @@ def _is_dialogue(folder: Path, aligner: str, known: frozenset[str], without: Pat
     """Whether the folder's lines are laid out by language.
 
     Raises:
-        InputError: some are and some are not.
+        InputError: some are and some are not, or the folders of languages are further down.
     """
-    names = folders_with_lines(folder, without=without)
-    languages = [n for n in names if _TAG.fullmatch(n) and n.split("-")[0].lower() in known]
-    others = [name for name in names if name not in languages]
-    if languages and others:
-        rest = f"'{others[-1]}' is not" if others[-1] else "there are lines beside it"
+
+    def is_language(name: str) -> bool:
+        return bool(_TAG.fullmatch(name)) and name.split("-")[0].lower() in known
+
+    places = folders_with_lines(folder, without=without)
+    within = [parts for parts in places if parts and is_language(parts[0])]
+    others = [parts for parts in places if parts not in within]
+    deeper = [parts for parts in others if any(map(is_language, parts))]
+    if others and (within or deeper):
+        language = "/".join((within or deeper)[0])
+        rest = "/".join(others[0]) if within else ""
+        problem = f"but not '{rest}'" if rest else "but there are lines beside it"
+        if not within:
+            problem = "but not directly below this folder"
         raise InputError(
             "align-language-unclear",
-            f"its folder '{languages[0]}' is a language that '{aligner}' knows, but {rest}",
+            f"its folder '{language}' is named by language, {problem}",
             place=str(folder),
             action="Give the language of all with --language, or align one folder at a time.",
         )
-    return bool(languages)
+    return bool(within)
 
 
 def _require_known(language: str, aligner: str, known: frozenset[str]) -> None:

@@ -15,6 +15,7 @@ from animeme.findings import RunReport, Severity
 from animeme.job import read_job
 from animeme.rig import Character
 from animeme.runner import Listener, run_job
+from animeme.tasks import align_speech
 
 
 def run(
@@ -71,8 +72,9 @@ def _require_executor(executor: str, workers: int | None) -> None:
 
 def align(
     audio: str | Path,
-    text: str,
+    text: str | None = None,
     *,
+    timings: str | Path | None = None,
     language: str = "en",
     aligner: str = "pocketsphinx",
     lexicon: str | Path | None = None,
@@ -81,7 +83,9 @@ def align(
 
     Args:
         audio: a recording that libsndfile reads.
-        text: what is said in it.
+        text: what is said in it; may be left out if there are timings that tell.
+        timings: what another tool found out, in any format of ``docs/timings.md``: its phones are
+            taken as they are, the times of its words and subtitles are kept to.
         language: BCP-47 tag.
         aligner: a registered aligner.
         lexicon: pronunciations that go before the aligner's own.
@@ -90,7 +94,8 @@ def align(
         The phone track, and findings about it.
 
     Raises:
-        InputError: audio or text cannot be used, or do not fit together.
+        InputError: audio, text or timings cannot be used, or do not fit together.
+        ValueError: there is neither text nor timings.
 
     Example:
         >>> import animeme
@@ -101,9 +106,18 @@ def align(
         >>> [word.text for word in track.words][:2], track.phones[0].start_s
         (['welcome', 'back'], 0.0)
     """
+    if text is None and timings is None:
+        raise ValueError("there is neither text nor timings")
     speech = registry.stage("read-speech")(Path(audio))
     own = Path(lexicon) if lexicon is not None else None
-    return registry.aligner(aligner).align(speech, text, language=language, lexicon=own)
+    return align_speech(
+        speech,
+        None if text is None else lambda: text,
+        Path(timings) if timings is not None else None,
+        language=language,
+        aligner=aligner,
+        lexicon=own,
+    )
 
 
 def align_folder(

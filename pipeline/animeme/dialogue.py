@@ -95,10 +95,10 @@ def find_lines_of(root: Path, language: str, *, without: Path | None = None) -> 
     return _lines(groups)
 
 
-def folders_with_lines(root: Path, *, without: Path | None = None) -> tuple[str, ...]:
-    """Names of the folders in `root` that have recordings or transcripts below them, sorted.
+def folders_with_lines(root: Path, *, without: Path | None = None) -> tuple[tuple[str, ...], ...]:
+    """Folders below `root` that have recordings or transcripts, as the parts of their paths.
 
-    "" is among them if `root` has some of its own.
+    () is among them if `root` has some of its own.
     """
     spoken = AUDIO_SUFFIXES + TEXT_SUFFIXES
     places = (
@@ -106,7 +106,7 @@ def folders_with_lines(root: Path, *, without: Path | None = None) -> tuple[str,
         for file in _files(root, root, without)
         if file.suffix.lower() in spoken
     )
-    return tuple(sorted({parts[0] if parts else "" for parts in places}))
+    return tuple(sorted(set(places)))
 
 
 def _files(folder: Path, root: Path, without: Path | None) -> Iterator[Path]:
@@ -132,7 +132,7 @@ def _line(language: str, character: str, name: str, files: list[Path]) -> Line |
         return None
     kinds: dict[str, list[Path]] = defaultdict(list)
     for file in files:
-        kinds[_kind(file)].append(file)
+        kinds[kind_of(file)].append(file)
     audio, texts = kinds["audio"], kinds["text"]
     # Mouth shapes cannot be used; where there is nothing else, whoever reads them says so.
     timings = kinds["timings"] or kinds["mouth shapes"][:1]
@@ -157,17 +157,22 @@ def _line(language: str, character: str, name: str, files: list[Path]) -> Line |
     )
 
 
-def _kind(file: Path) -> str:
-    """What a file is to its line: "audio", "text", "timings", "mouth shapes" or "other"."""
+def kind_of(file: Path) -> str:
+    """What a file is to its line: "audio", "text", "timings", "mouth shapes" or "other".
+
+    The file is opened only if its suffix leaves this open.
+    """
     suffix = file.suffix.lower()
     if suffix in AUDIO_SUFFIXES:
         return "audio"
     if suffix in TIMING_SUFFIXES:
         return "timings"
-    if suffix == ".txt":
-        return "text"
-    told: str = registry.stage("timings-kind")(file)
-    return "text" if told == "other" and suffix == ".lab" else told
+    told = "text" if suffix in TEXT_SUFFIXES else "other"
+    # The name may be no file's but a sentence, and too long for the file system.
+    if suffix in (".lab", *UNSURE_SUFFIXES) and os.path.isfile(file):
+        found: str = registry.stage("timings-kind")(file)
+        return told if found == "other" else found
+    return told
 
 
 def _composed(name: str) -> str:

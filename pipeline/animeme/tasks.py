@@ -10,7 +10,7 @@ import json
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -222,7 +222,14 @@ def _timed_line(
     try:
         speech = registry.stage("read-speech")(line.audio)
         assert speech is not None
-        alignment = _aligned(line, speech, aligner, lexicon)
+        alignment = align_speech(
+            speech,
+            _transcript(line),
+            line.timings,
+            language=line.language,
+            aligner=aligner,
+            lexicon=lexicon,
+        )
         findings += [*speech.findings, *alignment.findings, *use(alignment)]
         if not any(finding.severity == Severity.ERROR for finding in findings):
             save(alignment)
@@ -233,18 +240,45 @@ def _timed_line(
     return LineOutcome(audio_s, tuple(replace(f, line=line.key) for f in findings), score)
 
 
-def _aligned(line: Line, speech: Speech, aligner: str, lexicon: Path | None) -> Alignment:
-    """The line's phones: as somebody timed them, or as the aligner finds them."""
+def _transcript(line: Line) -> Callable[[], str] | None:
+    """Reads the line's transcript; None where timings may do without."""
+    if line.timings is not None and not line.transcript.is_file():
+        return None
+    return partial(registry.stage("read-transcript"), line.transcript)
 
-    def align(text: str, anchors: Sequence[Anchor] = ()) -> Alignment:
+
+def align_speech(
+    speech: Speech,
+    text: Callable[[], str] | None,
+    timings: Path | None,
+    *,
+    language: str,
+    aligner: str,
+    lexicon: Path | None,
+) -> Alignment:
+    """The phones of a recording: as somebody timed them, or as the aligner finds them.
+
+    Args:
+        speech: the recording.
+        text: gives what is said in it; None if only `timings` tell.
+        timings: of phones or words, or None.
+        language: BCP-47 tag.
+        aligner: name of the aligner.
+        lexicon: pronunciations that go before the aligner's own.
+
+    Raises:
+        InputError: one of them cannot be used, or they do not fit together.
+    """
+
+    def align(words: str, anchors: Sequence[Anchor] = ()) -> Alignment:
         return registry.aligner(aligner).align(
-            speech, text, language=line.language, lexicon=lexicon, anchors=anchors
+            speech, words, language=language, lexicon=lexicon, anchors=anchors
         )
 
-    if line.timings is None:
-        return align(registry.stage("read-transcript")(line.transcript))
+    if timings is None:
+        return align(text() if text else "")
     alignment: Alignment = registry.stage("read-timings")(
-        line.timings, speech, language=line.language, transcript=line.transcript, align=align
+        timings, speech, language=language, text=text, align=align
     )
     return alignment
 

@@ -15,6 +15,7 @@ from animeme import api, registry
 from animeme.aligning import DEFAULT_LANGUAGE, AlignReport
 from animeme.cli.progress import progress
 from animeme.contracts import Alignment
+from animeme.dialogue import TEXT_SUFFIXES, kind_of
 from animeme.executors.inline import InlineExecutor
 from animeme.findings import LineStatus, Severity, exit_code_of
 from animeme.runner import cpu_s
@@ -26,8 +27,8 @@ STATUSES: tuple[LineStatus, ...] = ("ok", "review", "failed")
 
 @click.command(
     "align",
-    epilog='Examples: animeme align hello.wav hello.txt · animeme align hello.wav "Hello" · '
-    "animeme align dialogue --output timings --format textgrid --json",
+    epilog='Example: animeme align hello.wav hello.txt · animeme align hello.wav "Hello" · '
+    "animeme align dialogue --output timings --json",
 )
 @click.argument("audio", type=click.Path(path_type=Path))
 @click.argument("text", required=False)
@@ -89,8 +90,8 @@ def command(
 ) -> int:
     """Find when each word and phone of TEXT is spoken in AUDIO.
 
-    TEXT is the transcript's file, or the words themselves. If AUDIO is a folder, every recording
-    below it is aligned with the transcript or the timings beside it.
+    TEXT is a file of its transcript or timings, or the words themselves. If AUDIO is a folder,
+    every recording below it is aligned with the transcript or the timings beside it.
     """
     if not audio.is_dir():
         if text is None:
@@ -141,10 +142,16 @@ def _one(
     fail_on: str,
     as_json: bool,
 ) -> int:
-    transcript = Path(text)
-    if transcript.suffix.lower() in (".txt", ".lab"):
-        text = registry.stage("read-transcript")(transcript)
-    alignment = api.align(audio, text, language=language, aligner=aligner, lexicon=lexicon)
+    file: Path | None = Path(text)
+    if kind_of(Path(text)) in ("timings", "mouth shapes"):
+        said = None
+    else:
+        file, said = None, text
+        if Path(text).suffix.lower() in TEXT_SUFFIXES:
+            said = registry.stage("read-transcript")(Path(text))
+    alignment = api.align(
+        audio, said, timings=file, language=language, aligner=aligner, lexicon=lexicon
+    )
     if output is not None:
         registry.stage("write-timings")(alignment.track, output, form)
     for finding in alignment.findings:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -77,14 +76,13 @@ def match(text: str, spans: Sequence[Span], language: Language) -> Match:
     told = [(token, _spans_of(token, starts)) for token in tokens(label_text, language)]
     pairs: list[tuple[range, range]] = []
     agreeing, difference = 0, ""
-    for mine, theirs in _blocks([t.text for t in written], [t.text for t, _ in told]):
-        a = "".join(token.text for token in written[mine.start : mine.stop])
-        b = "".join(token.text for token, _ in told[theirs.start : theirs.stop])
-        if _letters(a) == _letters(b):
+    ours, others = [_letters(t.text) for t in written], [_letters(t.text) for t, _ in told]
+    for mine, theirs in _blocks(ours, others):
+        if "".join(ours[mine.start : mine.stop]) == "".join(others[theirs.start : theirs.stop]):
             agreeing += len(mine)
-            if mine:
-                first, last = told[theirs.start][1], told[theirs.stop - 1][1]
-                pairs.append((mine, range(first.start, last.stop)))
+            for own, other in _parts(ours, mine, others, theirs):
+                first, last = told[other.start][1], told[other.stop - 1][1]
+                pairs.append((own, range(first.start, last.stop)))
         elif not difference:
             said = [token.text for token, _ in told[theirs.start : theirs.stop]]
             at = told[theirs.start][1].start if theirs.start < len(told) else len(spans)
@@ -179,14 +177,30 @@ def _middle(mine: list[str], theirs: list[str], offset: int) -> Iterator[tuple[r
             yield range(offset + a, offset + a_end), range(offset + b, offset + b_end)
 
 
+def _parts(
+    ours: Sequence[str], mine: range, others: Sequence[str], theirs: range
+) -> Iterator[tuple[range, range]]:
+    """The smallest ranges that have the same letters on both sides, of two that do."""
+    a, b = mine.start, theirs.start
+    while a < mine.stop and b < theirs.stop:
+        i, j, ahead = a + 1, b + 1, len(ours[a]) - len(others[b])
+        while ahead:
+            if ahead < 0:
+                ahead, i = ahead + len(ours[i]), i + 1
+            else:
+                ahead, j = ahead - len(others[j]), j + 1
+        yield range(a, i), range(b, j)
+        a, b = i, j
+
+
 def _common(first: Sequence[str], second: Sequence[str]) -> int:
     pairs = enumerate(zip(first, second, strict=False))
     return next((i for i, (a, b) in pairs if a != b), min(len(first), len(second)))
 
 
 def _letters(text: str) -> str:
-    """What is left of words when they may be written apart, together or with an apostrophe."""
-    return re.sub(r"[\W_]", "", text)
+    """A word's letters: "l'" and "homme" are "l'homme", which others write as one."""
+    return text.replace("'", "")
 
 
 def _sentence(written: Iterable[Token], said: Sequence[str], spans: Sequence[Span], at: int) -> str:

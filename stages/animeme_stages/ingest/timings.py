@@ -14,17 +14,19 @@ from animeme_stages.align.anchors import Match, anchors_of, joined, match
 from animeme_stages.align.doubts import UNTRANSCRIBED_S, doubt, sound_in_pauses
 from animeme_stages.align.interchange import Span, Timings, anchors, read_timings, track_from
 from animeme_stages.align.language import language as language_of
-from animeme_stages.ingest.transcript import read_transcript
 
 Align = Callable[[str, Sequence[Anchor]], Alignment]
 """Aligns a text with the recording, given what is known of its times."""
+
+Text = Callable[[], str]
+"""Gives the transcript, when it is needed."""
 
 LEAST_AGREEING = 0.5
 """Timings that share a smaller part of their words with the transcript are another line's."""
 
 
 def read_alignment(
-    path: Path, speech: Speech, *, language: str, transcript: Path, align: Align
+    path: Path, speech: Speech, *, language: str, text: Text | None, align: Align
 ) -> Alignment:
     """The phones of a recording that has a file of timings.
 
@@ -37,7 +39,7 @@ def read_alignment(
         path: the file, in any format that `read_timings` knows.
         speech: its recording; what is loud and in no phone is remarked on.
         language: BCP-47 tag.
-        transcript: file of what is said; need not exist.
+        text: gives the transcript; None where there is none.
         align: the aligner, ready for this recording and language.
 
     Raises:
@@ -47,26 +49,26 @@ def read_alignment(
     """
     timings = read_timings(path)
     if timings.phones:
-        alignment = _given(timings, path, speech, language, transcript)
-    elif timings.words or not transcript.is_file():
-        alignment = _anchored(timings, path, speech, language, transcript, align)
+        alignment = _given(timings, path, speech, language, text)
+    elif timings.words or text is None:
+        alignment = _anchored(timings, path, speech, language, text, align)
     else:
-        alignment = align(read_transcript(transcript), ())
+        alignment = align(text(), ())
         message = "it has mouth shapes only, so the line was aligned from its transcript"
         return _remarked(alignment, _info("timings-without-words", message, path))
     return _remarked(alignment, *_sound_left_out(alignment, speech))
 
 
 def _given(
-    timings: Timings, path: Path, speech: Speech, language: str, transcript: Path
+    timings: Timings, path: Path, speech: Speech, language: str, text: Text | None
 ) -> Alignment:
     """The phones of the file, its words tied to their places in the transcript."""
     track = track_from(timings, language=language, duration_s=speech.duration_s, place=str(path))
     findings = [_info("timings-used", "its timings were given", path)]
-    if track.words and transcript.is_file():
+    if track.words and text is not None:
         spans = [Span(word.text, word.start_s, word.end_s) for word in track.words]
         try:
-            found = match(read_transcript(transcript), spans, language_of(language))
+            found = match(text(), spans, language_of(language))
         except InputError as error:
             # Whoever gives phones needs neither a transcript nor a language that we can read.
             reason = f"they were not compared with the transcript: it {error.problem}"
@@ -78,14 +80,13 @@ def _given(
 
 
 def _anchored(
-    timings: Timings, path: Path, speech: Speech, language: str, transcript: Path, align: Align
+    timings: Timings, path: Path, speech: Speech, language: str, text: Text | None, align: Align
 ) -> Alignment:
     """The phones that `align` finds where the file's words are."""
     spans = anchors(timings, duration_s=speech.duration_s, place=str(path))
     settings = language_of(language)
-    present = transcript.is_file()
-    text = read_transcript(transcript) if present else joined(spans, settings)
-    found = match(text, spans, settings)
+    said = text() if text is not None else joined(spans, settings)
+    found = match(said, spans, settings)
     if found.agreeing < LEAST_AGREEING and found.difference:
         raise InputError(
             "timings-text-differs",
@@ -93,7 +94,7 @@ def _anchored(
             place=str(path),
             action="They are another line's or version's: mend one, or take the timings away.",
         )
-    alignment = align(text, anchors_of(found, spans, timings.source))
+    alignment = align(said, anchors_of(found, spans, timings.source))
     message = "the times of its words were given, those of its phones found"
     return _remarked(alignment, _info("timings-used", message, path), *_differing(found, path))
 
