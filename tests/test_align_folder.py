@@ -169,7 +169,7 @@ def test_a_bad_line_is_named_and_stops_nothing(
     assert "transcript-missing" in ran.out
     assert "Write what is said" in ran.out
     assert "2 ok, 0 review, 1 failed" in ran.out
-    assert f"Timings of 2 lines are in {output}" in ran.out
+    assert f"Timings of 2 lines are in '{output}'" in ran.out
     assert written(output) == ["act 1/moon.TextGrid", "five.v2.TextGrid"]
     entry = report(align(capsys, lines, "--output", output, "--json"))["lines"][1]
     assert (entry["codes"], entry["score"], entry["output"]) == (["transcript-missing"], None, None)
@@ -329,6 +329,7 @@ def test_an_output_that_is_a_file(lines: Path, tmp_path: Path, capsys: Capture) 
 
 def test_a_single_recording_still_needs_its_text(lines: Path, capsys: Capture) -> None:
     refused(command(capsys, "align", lines / "boat.wav"), "TEXT")
+    refused(command(capsys, "align", lines / "none"), "no such recording or folder")
 
 
 def test_arguments_of_the_library_are_checked(lines: Path) -> None:

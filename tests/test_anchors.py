@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -20,7 +21,7 @@ from animeme.errors import InputError
 from animeme.findings import Finding, Severity
 from animeme.phones import SILENCE, Phone, PhoneTrack, Word, contiguous
 from animeme_stages.align.anchors import SUBTITLE_SLACK_S, WORD_SLACK_S, anchors_of, match
-from animeme_stages.align.interchange import Span
+from animeme_stages.align.interchange import Span, kind_of
 from animeme_stages.align.language import language
 from animeme_stages.align.text import tokens
 from animeme_stages.ingest.audio import read_speech
@@ -28,7 +29,7 @@ from animeme_stages.ingest.timings import read_alignment
 from conftest import SAMPLE
 from support.jobs import SmallJob, run_inline, small_job
 from support.jobs import animeme as command
-from support.timing_files import FOLDER
+from support.timing_files import FOLDER, NAMES
 
 Capture = pytest.CaptureFixture[str]
 BOAT = SAMPLE / "dialogue" / "en" / "boat.wav"
@@ -333,6 +334,27 @@ def test_hand_labelled_words_of_real_speech(name: str, shared: Path) -> None:
     assert len(alignment.track.words) == 4
     if name == "bobby":
         assert placer.said() == ["BOBBY", "RIPPED", "THE", "LEDGER"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_spoilt_file_is_refused_or_used_and_nothing_else(name: str, tmp_path: Path) -> None:
+    """Seeded: bytes changed, lost, doubled and cut off; also for the question what it is."""
+    random = np.random.default_rng(NAMES.index(name))
+    whole = (FOLDER / name).read_bytes()
+    noise = random.integers(-3000, 3000, 16_000 * 3, np.int16)
+    recording = Speech(tmp_path / "a.wav", noise, 16_000, 3.0)
+    for _ in range(40):
+        data = bytearray(whole)
+        for _ in range(int(random.integers(1, 4))):
+            at, length = int(random.integers(len(data))), int(random.integers(1, 40))
+            data[at : at + length] = random.choice(
+                [b"", bytes(data[at : at + length]) * 2, random.bytes(2), b"9", b" -1 "]
+            )
+        (tmp_path / name).write_bytes(data)
+        assert kind_of(tmp_path / name) in ("timings", "mouth shapes", "other")
+        with suppress(InputError):
+            alignment, _ = given(tmp_path / name, recording, "hello world")
+            assert alignment.track.duration_s == 3.0
 
 
 # From outside: files beside a recording

@@ -259,14 +259,15 @@ def _require_free(
     That is what is read, and anything in the folder of the lines, unless the output is a folder of
     its own in there.
     """
+    present = {target.resolve() for target in targets if target.exists()}
+    if not present:
+        return
     inputs = {path.resolve() for line in lines for path in _inputs(line)}
     inputs |= set() if lexicon is None else {lexicon.resolve()}
     root = folder.resolve()
     own = _inside(folder, output) is not None
     clashes = sorted(
-        path
-        for path in {target.resolve() for target in targets if target.exists()}
-        if path in inputs or (path.is_relative_to(root) and not own)
+        path for path in present if path in inputs or (path.is_relative_to(root) and not own)
     )
     if clashes:
         more = f", and {len(clashes) - 1} more files" if len(clashes) > 1 else ""

@@ -16,6 +16,7 @@ from animeme.aligning import DEFAULT_LANGUAGE, AlignReport
 from animeme.cli.progress import progress
 from animeme.contracts import Alignment
 from animeme.dialogue import TEXT_SUFFIXES, kind_of
+from animeme.errors import InputError
 from animeme.executors.inline import InlineExecutor
 from animeme.findings import LineStatus, Severity, exit_code_of
 from animeme.runner import cpu_s
@@ -94,6 +95,13 @@ def command(
     every recording below it is aligned with the transcript or the timings beside it.
     """
     if not audio.is_dir():
+        if text is None and not audio.exists():
+            raise InputError(
+                "audio-missing",
+                "there is no such recording or folder",
+                place=str(audio),
+                action="Check its name.",
+            )
         if text is None:
             raise click.UsageError("Give the TEXT that is spoken in AUDIO, or its file.")
         return _one(
@@ -184,7 +192,7 @@ def _summarize(report: AlignReport, *, to_stderr: bool) -> None:
     if report.output is None:
         click.echo("Nothing was written: --output names a folder for timings.", err=to_stderr)
     else:
-        click.echo(f"Timings of {written} lines are in {report.output}.", err=to_stderr)
+        click.echo(f"Timings of {written} lines are in '{report.output}'.", err=to_stderr)
 
 
 def _table(alignment: Alignment) -> Table:
