@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +17,7 @@ import animeme
 from animeme.contracts import Alignment, Anchor, Speech
 from animeme.errors import InputError
 from animeme.findings import Finding, Severity
-from animeme.phones import SILENCE, Phone, PhoneTrack, Word, contiguous
+from animeme.phones import Phone, PhoneTrack, Word, contiguous
 from animeme_stages.align.anchors import SUBTITLE_SLACK_S, WORD_SLACK_S, anchors_of, match
 from animeme_stages.align.interchange import Span, kind_of
 from animeme_stages.align.language import language
@@ -27,9 +25,8 @@ from animeme_stages.align.text import tokens
 from animeme_stages.ingest.audio import read_speech
 from animeme_stages.ingest.timings import read_alignment
 from conftest import SAMPLE
-from support.jobs import SmallJob, run_inline, small_job
-from support.jobs import animeme as command
 from support.timing_files import FOLDER, NAMES
+from support.word_timings import WRITERS, ctm, cues
 
 Capture = pytest.CaptureFixture[str]
 BOAT = SAMPLE / "dialogue" / "en" / "boat.wav"
@@ -86,76 +83,6 @@ def codes(alignment: Alignment) -> list[str]:
     return [finding.code for finding in alignment.findings]
 
 
-def _ctm(words: Sequence[Word]) -> str:
-    return "".join(f"boat 1 {w.start_s:.3f} {w.end_s - w.start_s:.3f} {w.text}\n" for w in words)
-
-
-def _lab(words: Sequence[Word]) -> str:
-    return "".join(f"{w.start_s * 1e7:.0f} {w.end_s * 1e7:.0f} {w.text}\n" for w in words)
-
-
-def _whisperx(words: Sequence[Word]) -> str:
-    entries = [{"word": w.text, "start": w.start_s, "end": w.end_s} for w in words]
-    segment = {"start": words[0].start_s, "end": words[-1].end_s, "words": entries, "text": ""}
-    return json.dumps({"segments": [segment]})
-
-
-def _azure(words: Sequence[Word]) -> str:
-    return json.dumps(
-        [
-            {
-                "Text": w.text,
-                "AudioOffset": round(w.start_s * 1000),
-                "Duration": round((w.end_s - w.start_s) * 1000),
-                "BoundaryType": "WordBoundary",
-            }
-            for w in words
-        ]
-    )
-
-
-def _polly(words: Sequence[Word]) -> str:
-    marks = [{"time": round(w.start_s * 1000), "type": "word", "value": w.text} for w in words]
-    return "".join(json.dumps(mark) + "\n" for mark in marks)
-
-
-def _clock(seconds: float, mark: str) -> str:
-    return f"00:00:{int(seconds):02d}{mark}{round(seconds % 1 * 1000):03d}"
-
-
-def _cues(words: Sequence[Word]) -> list[Sequence[Word]]:
-    return [words[:5], words[5:]]
-
-
-def _vtt(words: Sequence[Word]) -> str:
-    cues = (
-        f"{_clock(cue[0].start_s, '.')} --> {_clock(cue[-1].end_s, '.')}\n"
-        f"<v Ada>{' '.join(w.text.title() for w in cue)}!\n"
-        for cue in _cues(words)
-    )
-    return "WEBVTT\n\n" + "\n".join(cues)
-
-
-def _srt(words: Sequence[Word]) -> str:
-    return "\n".join(
-        f"{number}\n{_clock(cue[0].start_s, ',')} --> {_clock(cue[-1].end_s, ',')}\n"
-        f"<i>{' '.join(w.text for w in cue)}</i>\n"
-        for number, cue in enumerate(_cues(words), 1)
-    )
-
-
-WRITERS: dict[str, Callable[[Sequence[Word]], str]] = {
-    "boat.ctm": _ctm,
-    "boat.lab": _lab,
-    "boat.json": _whisperx,
-    "boat.JSON": _azure,
-    "boat.marks": _polly,
-    "boat.jsonl": _polly,
-    "boat.vtt": _vtt,
-    "boat.srt": _srt,
-}
-
-
 @pytest.mark.parametrize("name", WRITERS)
 def test_words_become_anchors_at_their_places_in_the_transcript(
     name: str, speech: Speech, true_words: tuple[Word, ...], tmp_path: Path
@@ -167,7 +94,7 @@ def test_words_become_anchors_at_their_places_in_the_transcript(
     groups = [[w] for w in true_words]
     slack_s, said = WORD_SLACK_S, [*TEXT.removesuffix(".").split()]
     if name.endswith((".vtt", ".srt")):
-        groups, slack_s = [list(cue) for cue in _cues(true_words)], SUBTITLE_SLACK_S
+        groups, slack_s = [list(cue) for cue in cues(true_words)], SUBTITLE_SLACK_S
         said = ["Mama bought a big blue", "boat for Bob"]
     assert placer.said() == said
     for anchor, group in zip(placer.anchors, groups, strict=True):
@@ -185,7 +112,7 @@ def test_without_a_transcript_the_timings_say_what_is_spoken(
     speech: Speech, true_words: tuple[Word, ...], tmp_path: Path
 ) -> None:
     path = tmp_path / "boat.ctm"
-    path.write_text(_ctm(true_words), encoding="utf-8")
+    path.write_text(ctm(true_words), encoding="utf-8")
     alignment, placer = given(path, speech, None)
     assert placer.text == " ".join(WORDS)
     assert placer.said() == list(WORDS)
@@ -264,7 +191,7 @@ def test_a_differing_text_is_told_with_its_time(
         edges = np.linspace(word.start_s, word.end_s, len(said) + 1).tolist()
         changed += [Word(s, a, b) for s, (a, b) in zip(said, pairwise(edges), strict=True)]
     path = tmp_path / "boat.ctm"
-    path.write_text(_ctm(changed), encoding="utf-8")
+    path.write_text(ctm(changed), encoding="utf-8")
     alignment, placer = given(path, speech)
     finding = next(f for f in alignment.findings if f.code == "timings-text-differs")
     assert finding.severity == Severity.WARNING
@@ -279,7 +206,7 @@ def test_another_lines_timings_are_refused(
     speech: Speech, true_words: tuple[Word, ...], tmp_path: Path
 ) -> None:
     path = tmp_path / "boat.ctm"
-    path.write_text(_ctm(true_words), encoding="utf-8")
+    path.write_text(ctm(true_words), encoding="utf-8")
     with pytest.raises(InputError, match="'think of three things") as caught:
         given(path, speech, "Think of three things that are better left alone.")
     assert caught.value.code == "timings-text-differs"
@@ -296,7 +223,7 @@ def test_speech_behind_the_last_word_is_noticed(
     speech: Speech, true_words: tuple[Word, ...], tmp_path: Path
 ) -> None:
     path = tmp_path / "boat.ctm"
-    path.write_text(_ctm(true_words[:3]), encoding="utf-8")
+    path.write_text(ctm(true_words[:3]), encoding="utf-8")
     alignment, _ = given(path, speech, None)
     assert "align-untranscribed" in codes(alignment)
 
@@ -355,95 +282,3 @@ def test_a_spoilt_file_is_refused_or_used_and_nothing_else(name: str, tmp_path: 
         with suppress(InputError):
             alignment, _ = given(tmp_path / name, recording, "hello world")
             assert alignment.track.duration_s == 3.0
-
-
-# From outside: files beside a recording
-
-
-@pytest.fixture
-def job(tmp_path: Path) -> SmallJob:
-    return small_job(tmp_path / "job", "en/boat")
-
-
-def beside(job: SmallJob, name: str) -> Path:
-    return job.dialogue / "en" / name
-
-
-def test_a_run_uses_subtitles_beside_a_recording(
-    job: SmallJob, capsys: Capture, true_words: tuple[Word, ...]
-) -> None:
-    beside(job, "boat.srt").write_text(_srt(true_words), encoding="utf-8")
-    assert run_inline(capsys, job).code == 0
-    assert [f["code"] for f in job.findings("en/boat")] == ["timings-used"]
-    assert job.statuses() == {"en/boat": "ok"}
-
-
-def test_a_label_file_beside_a_transcript_is_no_second_transcript(
-    job: SmallJob, capsys: Capture, true_words: tuple[Word, ...]
-) -> None:
-    beside(job, "boat.lab").write_text(_lab(true_words), encoding="utf-8")
-    assert run_inline(capsys, job).code == 0
-    assert [f["code"] for f in job.findings("en/boat")] == ["timings-used"]
-
-
-def test_what_else_lies_beside_a_recording_does_not_matter(job: SmallJob, capsys: Capture) -> None:
-    beside(job, "boat.json").write_text('{"take": 3, "words": ["Mama"], "text": ""}')
-    beside(job, "boat.tsv").write_text("who\tmood\nada\tglad\n")
-    beside(job, "boat.csv").write_text("time_s,lip_gap\n0.0,0.1\n")
-    beside(job, "boat.jsonl").write_bytes(b"\x80\x81 nobody's")
-    beside(job, "scene.srt").write_text("1\n00:00:00,000 --> 00:00:01,000\nhi\n")
-    assert run_inline(capsys, job).code == 0
-    assert job.findings("en/boat") == []
-    assert job.statuses() == {"en/boat": "ok"}
-
-
-def test_two_files_of_timings_are_one_too_many(
-    job: SmallJob, capsys: Capture, true_words: tuple[Word, ...]
-) -> None:
-    beside(job, "boat.srt").write_text(_srt(true_words), encoding="utf-8")
-    beside(job, "boat.json").write_text(_whisperx(true_words), encoding="utf-8")
-    ran = run_inline(capsys, job)
-    ran.says("has 2 files of timings: boat.json, boat.srt", "Keep one", "line-duplicate")
-    beside(job, "boat.json").unlink()
-    assert run_inline(capsys, job).code == 0
-
-
-def test_rhubarb_beside_other_timings_does_not_count(
-    job: SmallJob, capsys: Capture, true_words: tuple[Word, ...]
-) -> None:
-    shutil.copy(FOLDER / "rhubarb.json", beside(job, "boat.json"))
-    assert run_inline(capsys, job).code == 0
-    assert [f["code"] for f in job.findings("en/boat")] == ["timings-without-words"]
-    beside(job, "boat.ctm").write_text(_ctm(true_words), encoding="utf-8")
-    assert run_inline(capsys, job).code == 0
-    assert [f["code"] for f in job.findings("en/boat")] == ["timings-used"]
-
-
-@pytest.mark.parametrize("share", [0.0, 0.4, 0.8])
-def test_half_a_file_of_timings_fails_its_line(
-    share: float, job: SmallJob, capsys: Capture, true_words: tuple[Word, ...]
-) -> None:
-    whole = _whisperx(true_words)
-    beside(job, "boat.json").write_text(whole[: int(len(whole) * share)], encoding="utf-8")
-    ran = run_inline(capsys, job)
-    ran.says("timings-damaged", "boat.json", "take the file away")
-    assert ran.code == 1
-    beside(job, "boat.json").write_text(whole, encoding="utf-8")
-    assert run_inline(capsys, job).code == 0
-
-
-def test_one_recording_may_be_aligned_from_its_timings(
-    capsys: Capture, true_words: tuple[Word, ...], tmp_path: Path
-) -> None:
-    path = tmp_path / "boat.vtt"
-    path.write_text(_vtt(true_words), encoding="utf-8")
-    track = animeme.align(BOAT, timings=path).track
-    assert tuple(word.text for word in track.words) == WORDS
-    assert any(phone.symbol == SILENCE for phone in track.phones)
-    ran = command(capsys, "align", BOAT, path, "--json")
-    assert ran.code == 0
-    document: dict[str, Any] = json.loads(ran.out)
-    assert [word["text"] for word in document["words"]] == list(WORDS)
-    command(capsys, "align", BOAT, tmp_path / "none.vtt").says("none.vtt", "No such file")
-    with pytest.raises(ValueError, match="neither"):
-        animeme.align(BOAT)

@@ -9,6 +9,7 @@ from difflib import SequenceMatcher
 
 from animeme.contracts import Anchor
 from animeme_stages.align.interchange import Span
+from animeme_stages.align.interchange.track import SUBTITLES
 from animeme_stages.align.language import Language
 from animeme_stages.align.text import Token, tokens
 
@@ -20,8 +21,6 @@ SUBTITLE_SLACK_S = 0.5
 
 # Real texts of an hour have some 200,000 pairs of equal words; one word over and over has millions.
 _MOST_PAIRS = 2_000_000
-
-_SUBTITLES = ("webvtt", "srt")
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ def slack_s(span: Span, source: str) -> float:
         span: a word, or a group of words: a subtitle, a segment, a phrase of an annotator's.
         source: the format it was read from, a key of `FORMATS`.
     """
-    group = source in _SUBTITLES or len(span.label.split()) > 1
+    group = source in SUBTITLES or len(span.label.split()) > 1
     return SUBTITLE_SLACK_S if group else WORD_SLACK_S
 
 

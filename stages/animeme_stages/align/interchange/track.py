@@ -12,7 +12,8 @@ LEFT_OVER_S = 0.05
 
 SUBTITLE_LEFT_OVER_S = 1.0
 """As much for subtitles, which stay a while to be read."""
-_SUBTITLES = ("webvtt", "srt")
+SUBTITLES = ("webvtt", "srt")
+"""The formats, keys of `FORMATS`, that subtitles come in."""
 
 
 def track_from(
@@ -84,7 +85,7 @@ def anchors(timings: Timings, *, duration_s: float, place: str = "timings") -> t
 def _require_fit(timings: Timings, duration_s: float, place: str) -> None:
     spans = (*timings.words, *(p for p in timings.phones if arpabet(p.label) != SILENCE))
     end_s = max((span.end_s for span in spans), default=0.0)
-    left_over_s = SUBTITLE_LEFT_OVER_S if timings.source in _SUBTITLES else LEFT_OVER_S
+    left_over_s = SUBTITLE_LEFT_OVER_S if timings.source in SUBTITLES else LEFT_OVER_S
     if end_s > duration_s + left_over_s:
         raise InputError(
             "timings-too-long",
