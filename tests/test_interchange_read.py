@@ -217,6 +217,7 @@ def test_every_golden_file_is_known_for_what_it_is(name: str) -> None:
     [
         ("a.lab", "Hello world\n"),
         ("a.lab", ""),
+        ("a.lab", "2 4 six eight\n"),
         ("a.txt", "0 1 a\n"),
         ("a.csv", "time_s,lip_gap\n0.0,0.1\n"),
         ("a.json", '{"speaker": "ada", "take": 3}'),
