@@ -332,6 +332,14 @@ def test_a_single_recording_still_needs_its_text(lines: Path, capsys: Capture) -
     refused(command(capsys, "align", lines / "none"), "no such recording or folder")
 
 
+def test_a_doubt_about_a_single_recording_counts_on_demand(lines: Path, capsys: Capture) -> None:
+    words = ["align", lines / "boat.wav", "Mama bought a big blue boat for Bob. She bought it"]
+    kinds = {command(capsys, *words, *more).code for more in ([], ["--fail-on", "error"])}
+    assert kinds == {0}
+    assert command(capsys, *words, "--fail-on", "warning").code == 1
+    assert command(capsys, *words[:2], lines / "boat.txt", "--fail-on", "info").code == 0
+
+
 def test_arguments_of_the_library_are_checked(lines: Path) -> None:
     with pytest.raises(ValueError, match="executor"):
         animeme.align_folder(lines, executor="dask")  # type: ignore[arg-type]

@@ -237,6 +237,12 @@ def test_mouth_shapes_alone_leave_the_line_to_its_transcript(speech: Speech) -> 
     assert caught.value.code == "timings-without-words"
 
 
+def test_without_an_aligner_only_phones_will_do(speech: Speech) -> None:
+    with pytest.raises(InputError) as caught:
+        read_alignment(FOLDER / "words.ctm", speech, language="en")
+    assert caught.value.code == "timings-without-phones"
+
+
 def test_given_phones_keep_their_words_places_in_the_transcript(
     speech: Speech, tmp_path: Path
 ) -> None:

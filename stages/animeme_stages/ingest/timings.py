@@ -26,7 +26,12 @@ LEAST_AGREEING = 0.5
 
 
 def read_alignment(
-    path: Path, speech: Speech, *, language: str, text: Text | None, align: Align
+    path: Path,
+    speech: Speech,
+    *,
+    language: str,
+    text: Text | None = None,
+    align: Align | None = None,
 ) -> Alignment:
     """The phones of a recording that has a file of timings.
 
@@ -40,15 +45,16 @@ def read_alignment(
         speech: its recording; what is loud and in no phone is remarked on.
         language: BCP-47 tag.
         text: gives the transcript; None where there is none.
-        align: the aligner, ready for this recording and language.
+        align: the aligner, ready for this recording and language; None if only phones will do.
 
     Raises:
         InputError: the file is damaged, goes on after the recording's end, has text that is not the
-            transcript's (``timings-text-differs``), or mouth shapes only and no transcript
-            (``timings-without-words``).
+            transcript's (``timings-text-differs``), mouth shapes only and no transcript
+            (``timings-without-words``), or no phones (``timings-without-phones``) where they must
+            have them.
     """
     timings = read_timings(path)
-    if timings.phones:
+    if timings.phones or align is None:
         alignment = _given(timings, path, speech, language, text)
     elif timings.words or text is None:
         alignment = _anchored(timings, path, speech, language, text, align)
