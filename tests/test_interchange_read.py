@@ -12,7 +12,7 @@ from animeme_stages.align.interchange import (
     FORMATS,
     Span,
     Timings,
-    has_timings,
+    kind_of,
     read_timings,
 )
 from animeme_stages.align.interchange.source import LARGEST_BYTES
@@ -203,14 +203,45 @@ def test_deep_xml_is_refused(tmp_path: Path) -> None:
     assert "nested" in str(refused(path))
 
 
-# A label file or a transcript
+# What a file beside a recording is meant to be
 
 
-def test_a_lab_file_may_be_a_transcript(tmp_path: Path) -> None:
-    assert has_timings(FOLDER / "ticks.lab")
-    assert not has_timings(put(tmp_path, "a.lab", "Hello world\n"))
-    assert has_timings(tmp_path / "a.TextGrid")
-    assert not has_timings(tmp_path / "a.txt")
+@pytest.mark.parametrize("name", NAMES)
+def test_every_golden_file_is_known_for_what_it_is(name: str) -> None:
+    kind = "mouth shapes" if name.startswith("rhubarb") else "timings"
+    assert kind_of(FOLDER / name) == kind
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.lab", "Hello world\n"),
+        ("a.lab", ""),
+        ("a.lab", "2 4 six eight\n"),
+        ("a.txt", "0 1 a\n"),
+        ("a.csv", "time_s,lip_gap\n0.0,0.1\n"),
+        ("a.json", '{"speaker": "ada", "take": 3}'),
+        ("a.json", '{"segments": [{"id": 1}], "text": "Hello", "words": ["Hello"]}'),
+        ("a.json", "[1, 2, 3]"),
+        ("a.json", '{"take": 3} // the good one of them'),
+        ("a.json", "no JSON at all"),
+        ("a.jsonl", '{"take": 3}\n'),
+        ("a.tsv", "start\tend\ttext\n0\t900\thello\n"),
+        ("a.tsv", ""),
+    ],
+)
+def test_what_has_no_timings_is_told_from_what_has(name: str, text: str, tmp_path: Path) -> None:
+    assert kind_of(put(tmp_path, name, text)) == "other"
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if n.endswith((".json", ".jsonl"))])
+def test_half_a_json_file_of_timings_is_not_nobodys(name: str, tmp_path: Path) -> None:
+    """So that it is refused, and its line not aligned as if it had none."""
+    whole = (FOLDER / name).read_text(encoding="utf-8")
+    first = whole.split("\n")[0] if name.endswith(".jsonl") else whole
+    for share in (0.0, 0.3, 0.5, 0.9):
+        path = put(tmp_path, name, first[: int(len(first) * share)].rstrip())
+        assert kind_of(path) == "timings", share
 
 
 # The value type

@@ -129,6 +129,12 @@ def test_timings_of_a_longer_recording_are_refused() -> None:
     assert anchors(found, duration_s=0.88)[-1].end_s == 0.88
 
 
+def test_a_subtitle_may_stay_a_while_after_the_recording() -> None:
+    cue = Timings((Span("hello world", 0.1, 1.9),), (), (), None, "srt")
+    assert anchors(cue, duration_s=1.2)[0].end_s == 1.2
+    assert refused(anchors, cue, duration_s=0.8).code == "timings-too-long"
+
+
 def test_what_is_missing_is_said() -> None:
     words = read_timings(FOLDER / "words.ctm")
     assert refused(track_from, words, language="en", duration_s=1.2).code == (

@@ -52,6 +52,18 @@ def test_both_kinds_of_lines_variants_and_comments(tmp_path: Path) -> None:
     }
 
 
+def test_words_are_taken_from_timings_where_there_is_no_transcript(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "en").mkdir()
+    (tmp_path / "en" / "a.wav").touch()
+    (tmp_path / "en" / "a.srt").write_text("1\n00:00:00,000 --> 00:00:01,000\nHello Xyzzyq\n")
+    with pytest.raises(SystemExit):
+        main(["lexicon", str(tmp_path), "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert [word["word"] for word in found["unknown"]] == ["xyzzyq"]
+
+
 def test_sections_keep_languages_apart(tmp_path: Path) -> None:
     text = "all\ta\n;;; [de-AT]\nbob\tb ɔ p\n;;; [en]\nbob\tb ɑ b\n"
     assert lexicon(tmp_path, text, "de").entries["bob"][0].phones == ("b", "ɔ", "p")

@@ -11,12 +11,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from animeme.api import align, load_character, load_model, run
+    from animeme.api import align, align_folder, load_character, load_model, run
     from animeme.errors import AnimemeError, InputError, JobError, PluginError
 
 # Loaded when first used, so that `import animeme` and `animeme --help` are quick.
 _HOMES = {
     "align": "animeme.api",
+    "align_folder": "animeme.api",
     "load_character": "animeme.api",
     "load_model": "animeme.api",
     "run": "animeme.api",
@@ -32,6 +33,7 @@ __all__ = [
     "JobError",
     "PluginError",
     "align",
+    "align_folder",
     "load_character",
     "load_model",
     "run",

@@ -7,13 +7,16 @@ from pathlib import Path
 from typing import Literal
 
 from animeme import registry
+from animeme.aligning import AlignReport, align_lines
 from animeme.contracts import Alignment, Model
+from animeme.executors import Executor
 from animeme.executors.inline import InlineExecutor
 from animeme.executors.local import LocalExecutor, default_workers
 from animeme.findings import RunReport, Severity
 from animeme.job import read_job
 from animeme.rig import Character
 from animeme.runner import Listener, run_job
+from animeme.tasks import align_speech
 
 
 def run(
@@ -51,10 +54,7 @@ def run(
         >>> report.exit_code, report.count("ok", character="ada", language="en")
         (0, 6)
     """
-    if executor not in ("inline", "local"):
-        raise ValueError(f"executor must be 'inline' or 'local', not {executor!r}")
-    if workers is not None and workers < 1:
-        raise ValueError(f"workers must be at least 1, not {workers}")
+    _require_executor(executor, workers)
     folder = Path(output) if output is not None else None
     severity = Severity.parse(fail_on)
     checked = read_job(Path(job), output=folder)
@@ -64,10 +64,18 @@ def run(
         return run_job(checked, pool, fail_on=severity, listener=listener)
 
 
+def _require_executor(executor: str, workers: int | None) -> None:
+    if executor not in ("inline", "local"):
+        raise ValueError(f"executor must be 'inline' or 'local', not {executor!r}")
+    if workers is not None and workers < 1:
+        raise ValueError(f"workers must be at least 1, not {workers}")
+
+
 def align(
     audio: str | Path,
-    text: str,
+    text: str | None = None,
     *,
+    timings: str | Path | None = None,
     language: str = "en",
     aligner: str = "pocketsphinx",
     lexicon: str | Path | None = None,
@@ -76,7 +84,9 @@ def align(
 
     Args:
         audio: a recording that libsndfile reads, or a film with the extra ``video``.
-        text: what is said in it.
+        text: what is said in it; may be left out if there are timings that tell.
+        timings: what another tool found out, in any format of ``docs/timings.md``: its phones are
+            taken as they are, the times of its words and subtitles are kept to.
         language: BCP-47 tag.
         aligner: a registered aligner.
         lexicon: pronunciations that go before the aligner's own.
@@ -85,7 +95,8 @@ def align(
         The phone track, and findings about it and the recording.
 
     Raises:
-        InputError: audio or text cannot be used, or do not fit together.
+        InputError: audio, text or timings cannot be used, or do not fit together.
+        ValueError: there is neither text nor timings.
 
     Example:
         >>> import animeme
@@ -96,10 +107,84 @@ def align(
         >>> [word.text for word in track.words][:2], track.phones[0].start_s
         (['welcome', 'back'], 0.0)
     """
+    if text is None and timings is None:
+        raise ValueError("there is neither text nor timings")
     speech = registry.stage("read-speech")(Path(audio))
     own = Path(lexicon) if lexicon is not None else None
-    found = registry.aligner(aligner).align(speech, text, language=language, lexicon=own)
+    found = align_speech(
+        speech,
+        None if text is None else lambda: text,
+        Path(timings) if timings is not None else None,
+        language=language,
+        aligner=aligner,
+        lexicon=own,
+    )
     return replace(found, findings=(*speech.findings, *found.findings))
+
+
+def align_folder(
+    folder: str | Path,
+    *,
+    output: str | Path | None = None,
+    format: str = "textgrid",
+    language: str | None = None,
+    aligner: str = "pocketsphinx",
+    lexicon: str | Path | None = None,
+    executor: Literal["inline", "local"] = "inline",
+    workers: int | None = None,
+    fail_on: str = "error",
+    listener: Listener = lambda _: None,
+) -> AlignReport:
+    """Align every recording below a folder with the transcript or the timings beside it.
+
+    Args:
+        folder: lines of one language, or a dialogue folder (``<language>/…``).
+        output: folder for a file of timings per good line, laid out as `folder` is; None writes
+            nothing.
+        format: of these files: "textgrid", "ctm", "phone-ctm", "rhubarb-tsv" or "alignment".
+        language: BCP-47 tag of the whole folder; None for that of each language's folder, or else
+            English.
+        aligner: a registered aligner.
+        lexicon: pronunciations that go before the aligner's own.
+        executor, workers, listener: as for `run`.
+        fail_on: severity at which `AlignReport.exit_code` turns 1.
+
+    Returns:
+        How each line ended.
+
+    Raises:
+        InputError: no line can be started: see `animeme.aligning.align_lines`.
+        PluginError: a plug-in that is needed cannot be loaded.
+        ValueError: an argument is none of those that are listed.
+
+    Example:
+        >>> import animeme
+        >>> report = animeme.align_folder("sample_assets/dialogue")
+        >>> report.count("ok"), report.lines[0].id
+        (18, 'de/boat')
+    """
+    _require_executor(executor, workers)
+    own = Path(lexicon) if lexicon is not None else None
+    target = Path(output) if output is not None else None
+    severity = Severity.parse(fail_on)
+
+    def work(chosen: Executor) -> AlignReport:
+        return align_lines(
+            Path(folder),
+            chosen,
+            language=language,
+            aligner=aligner,
+            lexicon=own,
+            output=target,
+            format=format,
+            fail_on=severity,
+            listener=listener,
+        )
+
+    if executor == "inline":
+        return work(InlineExecutor())
+    with LocalExecutor(workers or default_workers()) as pool:
+        return work(pool)
 
 
 def load_model(name_or_file: str | Path) -> Model:

@@ -5,16 +5,22 @@ from __future__ import annotations
 import os
 import unicodedata
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from animeme import registry
 from animeme.findings import Finding, Severity
 
 FILM_SUFFIXES = (".m4a", ".mp4", ".mov")  # with the extra `video`
 AUDIO_SUFFIXES = (".wav", ".flac", ".mp3", ".ogg", ".opus", ".aiff", ".aif", *FILM_SUFFIXES)
 TEXT_SUFFIXES = (".txt", ".lab")
-TIMING_SUFFIXES = (".textgrid",)
+TIMING_SUFFIXES = (".textgrid", ".eaf", ".vtt", ".srt", ".ctm", ".marks")
+# Timings, or somebody else's; a .lab is timings or a transcript.
+UNSURE_SUFFIXES = (".json", ".jsonl", ".tsv")
+# Files of these kinds alone are no line: a folder may hold subtitles and lists of many things.
+ABOUT_SUFFIXES = (".eaf", ".vtt", ".srt", ".ctm", ".marks", *UNSURE_SUFFIXES)
+_SUFFIXES = AUDIO_SUFFIXES + TEXT_SUFFIXES + TIMING_SUFFIXES + UNSURE_SUFFIXES
 
 
 @dataclass(frozen=True)
@@ -27,7 +33,7 @@ class Line:
         character: whose line it is, "" for every character of the job.
         audio: the recording.
         transcript: its text.
-        timings: phones that somebody has already timed, used instead of aligning, or None.
+        timings: phones or words that somebody has already timed, or None.
         findings: what its discovery noticed.
     """
 
@@ -45,11 +51,14 @@ class Line:
         return "/".join(part for part in (self.language, self.character, self.id) if part)
 
 
-def find_lines(root: Path, characters: Iterable[str]) -> tuple[Line, ...]:
+def find_lines(
+    root: Path, characters: Iterable[str], *, without: Path | None = None
+) -> tuple[Line, ...]:
     """Lines below ``root/<language>/[character/]``, sorted by key.
 
     A recording without transcript is a line, and so is a transcript without recording: what is
-    missing shows when it is read. A Praat TextGrid beside a recording has its timings. A first
+    missing shows when it is read. Timings of another tool beside a recording are its own; whether a
+    file that may be something else has any, its content tells (the stage ``timings-kind``). A first
     folder that bears the name of a character belongs to it; any other folder becomes part of the
     line's id. A character's own recording takes the place of one for all of the same language and
     id.
@@ -57,33 +66,80 @@ def find_lines(root: Path, characters: Iterable[str]) -> tuple[Line, ...]:
     Args:
         root: the dialogue folder.
         characters: names of the job's characters.
+        without: a folder that is left out.
     """
     known = {_composed(name): name for name in characters}
     groups: dict[tuple[str, str, str], list[Path]] = defaultdict(list)
     for folder in sorted(entry for entry in root.iterdir() if entry.is_dir()):
-        for file in sorted(folder.rglob("*")):
-            relative = file.relative_to(folder)
-            hidden = any(part.startswith(".") for part in file.relative_to(root).parts)
-            known_suffix = file.suffix.lower() in AUDIO_SUFFIXES + TEXT_SUFFIXES + TIMING_SUFFIXES
-            if hidden or not known_suffix:
-                continue
-            if not file.is_file():
-                continue
-            parts = relative.with_suffix("").parts
+        for file in _files(folder, root, without):
+            parts = file.relative_to(folder).with_suffix("").parts
             character = known.get(_composed(parts[0]), "") if len(parts) > 1 else ""
             name = _composed("/".join(parts[1:] if character else parts))
             groups[folder.name, character, name].append(file)
-    lines = [_line(*key, files) for key, files in groups.items()]
-    return tuple(sorted(lines, key=lambda line: line.key))
+    return _lines(groups)
 
 
-def _line(language: str, character: str, name: str, files: list[Path]) -> Line:
-    audio = [file for file in files if file.suffix.lower() in AUDIO_SUFFIXES]
+def find_lines_of(root: Path, language: str, *, without: Path | None = None) -> tuple[Line, ...]:
+    """Lines below a folder whose recordings are all in one language, sorted by key.
+
+    As `find_lines` has them, but every folder becomes part of the line's id.
+
+    Args:
+        root: the folder.
+        language: BCP-47 tag.
+        without: a folder that is left out.
+    """
+    groups: dict[tuple[str, str, str], list[Path]] = defaultdict(list)
+    for file in _files(root, root, without):
+        name = _composed(file.relative_to(root).with_suffix("").as_posix())
+        groups[language, "", name].append(file)
+    return _lines(groups)
+
+
+def folders_with_lines(root: Path, *, without: Path | None = None) -> tuple[tuple[str, ...], ...]:
+    """Folders below `root` that have recordings or transcripts, as the parts of their paths.
+
+    () is among them if `root` has some of its own.
+    """
+    spoken = AUDIO_SUFFIXES + TEXT_SUFFIXES
+    places = (
+        file.relative_to(root).parts[:-1]
+        for file in _files(root, root, without)
+        if file.suffix.lower() in spoken
+    )
+    return tuple(sorted(set(places)))
+
+
+def _files(folder: Path, root: Path, without: Path | None) -> Iterator[Path]:
+    """Files that may belong to a line; nothing hidden below `root`, nothing below `without`."""
+    for file in sorted(folder.rglob("*")):
+        if file.suffix.lower() not in _SUFFIXES:
+            continue
+        hidden = any(part.startswith(".") for part in file.relative_to(root).parts)
+        if hidden or (without is not None and file.is_relative_to(without)):
+            continue
+        if file.is_file():
+            yield file
+
+
+def _lines(groups: Mapping[tuple[str, str, str], list[Path]]) -> tuple[Line, ...]:
+    lines = (_line(*key, files) for key, files in groups.items())
+    return tuple(sorted((line for line in lines if line is not None), key=lambda line: line.key))
+
+
+def _line(language: str, character: str, name: str, files: list[Path]) -> Line | None:
+    """The line that `files` are about; None if they are about something else."""
+    if all(file.suffix.lower() in ABOUT_SUFFIXES for file in files):
+        return None
+    kinds: dict[str, list[Path]] = defaultdict(list)
+    for file in files:
+        kinds[kind_of(file)].append(file)
     # A film beside a recording is what the line looks like, not a second recording.
-    audio = [file for file in audio if file.suffix.lower() not in FILM_SUFFIXES] or audio
-    texts = [file for file in files if file.suffix.lower() in TEXT_SUFFIXES]
+    sounds = [file for file in kinds["audio"] if file.suffix.lower() not in FILM_SUFFIXES]
+    audio, texts = sounds or kinds["audio"], kinds["text"]
+    # Mouth shapes cannot be used; where there is nothing else, whoever reads them says so.
+    timings = kinds["timings"] or kinds["mouth shapes"][:1]
     findings = []
-    timings = [file for file in files if file.suffix.lower() in TIMING_SUFFIXES]
     named = (("recordings", audio), ("transcripts", texts), ("files of timings", timings))
     for kind, found in named:
         if len(found) > 1:
@@ -102,6 +158,24 @@ def _line(language: str, character: str, name: str, files: list[Path]) -> Line:
         timings[0] if timings else None,
         tuple(findings),
     )
+
+
+def kind_of(file: Path) -> str:
+    """What a file is to its line: "audio", "text", "timings", "mouth shapes" or "other".
+
+    The file is opened only if its suffix leaves this open.
+    """
+    suffix = file.suffix.lower()
+    if suffix in AUDIO_SUFFIXES:
+        return "audio"
+    if suffix in TIMING_SUFFIXES:
+        return "timings"
+    told = "text" if suffix in TEXT_SUFFIXES else "other"
+    # The name may be no file's but a sentence, and too long for the file system.
+    if suffix in (".lab", *UNSURE_SUFFIXES) and os.path.isfile(file):
+        found: str = registry.stage("timings-kind")(file)
+        return told if found == "other" else found
+    return told
 
 
 def _composed(name: str) -> str:

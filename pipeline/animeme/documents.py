@@ -225,7 +225,46 @@ class ReportDocument(Document):
     outputs: list[str] = Field(description="Delivered files, relative to the output folder.")
 
 
+class AlignedLineEntry(Document):
+    """How the alignment of one line ended."""
+
+    id: str = Field(description="Path below the aligned folder, without suffix.")
+    status: Literal["ok", "review", "failed"]
+    codes: list[str] = Field(description="Codes of its findings, the worst first, each once.")
+    score: Annotated[Number, Field(ge=0, le=1)] | None = Field(
+        description="The aligner's confidence; null where it has none, or the line failed."
+    )
+    language: str = Field(description="BCP-47 tag.")
+    audio_s: Seconds = Field(description="Length of the recording, 0 if it could not be read.")
+    output: str | None = Field(
+        description="File of its timings, relative to the output folder; null if none was written."
+    )
+    findings: list[FindingEntry]
+
+
+class AlignTotals(Document):
+    """Sums over all lines."""
+
+    lines: int
+    ok: int
+    review: int
+    failed: int
+    audio_s: Seconds
+    cpu_s: Seconds = Field(description="CPU time of the process and its workers.")
+
+
+class AlignReportDocument(Document):
+    """How the alignment of a folder of lines ended; the same bytes each time but for `cpu_s`."""
+
+    schema_: Literal["animeme.align-report/1"] = Field(alias="schema")
+    animeme: str = Field(description="Version that ran.")
+    exit_code: int
+    totals: AlignTotals
+    lines: list[AlignedLineEntry] = Field(description="Sorted by id.")
+
+
 KINDS: dict[str, type[BaseModel]] = {
+    "align-report": AlignReportDocument,
     "alignment": AlignmentDocument,
     "curves": CurvesDocument,
     "job": JobDocument,

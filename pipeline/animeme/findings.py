@@ -94,6 +94,14 @@ def status_of(findings: Iterable[Finding]) -> LineStatus:
     return {Severity.INFO: "ok", Severity.WARNING: "review", Severity.ERROR: "failed"}[worst]  # type: ignore[return-value]
 
 
+def exit_code_of(findings: Iterable[Finding], fail_on: Severity) -> int:
+    """0 all well; 1 something is at or above `fail_on`; 3 a fault of ours among it."""
+    bad = [finding for finding in findings if finding.severity >= fail_on]
+    if any(finding.ours for finding in bad):
+        return 3
+    return 1 if bad else 0
+
+
 @dataclass(frozen=True)
 class LineResult:
     """How one line of one character ended.
@@ -146,10 +154,7 @@ class RunReport:
     @property
     def exit_code(self) -> int:
         """0 all well; 1 something is at or above `fail_on`; 3 a fault of ours among it."""
-        bad = [finding for finding in self.all_findings if finding.severity >= self.fail_on]
-        if any(finding.ours for finding in bad):
-            return 3
-        return 1 if bad else 0
+        return exit_code_of(self.all_findings, self.fail_on)
 
     def count(self, status: LineStatus, *, character: str = "", language: str = "") -> int:
         """How many lines ended as `status`, of all or of one character or language."""

@@ -57,7 +57,7 @@ class Ledger:
         """Take in how the work on a line ended."""
         outcome: LineOutcome | None = result.value
         if outcome is None:
-            fault = _fault(result, str(item.line.audio))
+            fault = fault_of(result, str(item.line.audio))
             self._add(item.number, [replace(fault, line=item.line.key)])
         else:
             self.audio_s[item.number] = outcome.audio_s
@@ -69,7 +69,7 @@ class Ledger:
         """Take in how the work on a file ended: its findings go to the lines in it."""
         character = self.plan.targets[item.target].character
         outcome: AssetOutcome | None = result.value
-        findings = (_fault(result, str(item.output)),) if outcome is None else outcome.findings
+        findings = (fault_of(result, str(item.output)),) if outcome is None else outcome.findings
         for number, name, _ in item.lines:
             line = self.plan.lines[number].key
             own = (finding for finding in findings if finding.line in ("", name))
@@ -84,7 +84,7 @@ class Ledger:
         """Take in how the work on a file that joins languages ended."""
         character = self.plan.targets[item.target].character
         outcome: AssetOutcome | None = result.value
-        findings = (_fault(result, str(item.output)),) if outcome is None else outcome.findings
+        findings = (fault_of(result, str(item.output)),) if outcome is None else outcome.findings
         # Its lines are in the languages' own files: what is wrong here fails none of them.
         self.general += [replace(finding, character=character) for finding in findings]
         self.written |= set(outcome.outputs if outcome else ())
@@ -175,7 +175,9 @@ def _effort(result: Result) -> dict[str, Any]:
     return {**effort, "error": result.error} if result.error else effort
 
 
-def _fault(result: Result, place: str) -> Finding:
+def fault_of(
+    result: Result, place: str, action: str = "run.jsonl has the details; please report it."
+) -> Finding:
     """The finding for a task that did not answer: a fault of ours or of a plug-in."""
     last = result.error.strip().splitlines()[-1].rstrip(". ") if result.error else "no answer"
     what = {"crash": "crashed", "timeout": "hung"}.get(result.outcome, "failed")
@@ -184,6 +186,6 @@ def _fault(result: Result, place: str) -> Finding:
         f"worker-{result.outcome}",
         f"the work on it {what}: {last}",
         place=place,
-        action="run.jsonl has the details; please report it.",
+        action=action,
         ours=True,
     )

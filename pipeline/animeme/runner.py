@@ -79,7 +79,7 @@ def run_job(
         PluginError: a plug-in that the job needs cannot be loaded.
         InputError: the output folder cannot be written.
     """
-    wall, cpu = time.perf_counter(), _cpu_s(executor)
+    wall, cpu = time.perf_counter(), cpu_s(executor)
     load_plugins(job)
     lines = dialogue_of(job)
     targets, findings = load_targets(job)
@@ -95,7 +95,7 @@ def run_job(
         _join_languages(ledger, executor, spool)
         ledger.general += [*_changed_sources(digests), *stale_outputs(plan, ledger.fresh())]
         report = ledger.report(fail_on)
-        report = replace(report, wall_s=time.perf_counter() - wall, cpu_s=_cpu_s(executor) - cpu)
+        report = replace(report, wall_s=time.perf_counter() - wall, cpu_s=cpu_s(executor) - cpu)
         report = _write_reports(report, job.output)
         ledger.record("end", exit_code=report.exit_code, wall_s=report.wall_s, cpu_s=report.cpu_s)
     return report
@@ -128,7 +128,7 @@ def _save_context(plan: Plan, spool: Path) -> None:
 
 def _do_lines(ledger: Ledger, executor: Executor, listener: Listener, spool: Path) -> None:
     items = ledger.plan.line_items(spool)
-    results = executor.run(_name(make_line), items, timeout_s=LINE_TIMEOUT_S, retries=RETRIES)
+    results = executor.run(name_of(make_line), items, timeout_s=LINE_TIMEOUT_S, retries=RETRIES)
     for done, result in enumerate(results, 1):
         ledger.end_line(items[result.index], result)
         listener(Progress("lines", done, len(items), ledger.failed))
@@ -136,7 +136,7 @@ def _do_lines(ledger: Ledger, executor: Executor, listener: Listener, spool: Pat
 
 def _do_assets(ledger: Ledger, executor: Executor, listener: Listener, spool: Path) -> None:
     items = ledger.plan.asset_items(ledger.good, spool)
-    results = executor.run(_name(write_asset), items, timeout_s=ASSET_TIMEOUT_S, retries=RETRIES)
+    results = executor.run(name_of(write_asset), items, timeout_s=ASSET_TIMEOUT_S, retries=RETRIES)
     for done, result in enumerate(results, 1):
         ledger.end_asset(items[result.index], result)
         listener(Progress("assets", done, len(items), ledger.failed))
@@ -145,7 +145,9 @@ def _do_assets(ledger: Ledger, executor: Executor, listener: Listener, spool: Pa
 def _join_languages(ledger: Ledger, executor: Executor, spool: Path) -> None:
     """Give each format the chance to join its languages in one file."""
     items = ledger.plan.assembly_items(ledger.written, spool)
-    results = executor.run(_name(join_languages), items, timeout_s=ASSET_TIMEOUT_S, retries=RETRIES)
+    results = executor.run(
+        name_of(join_languages), items, timeout_s=ASSET_TIMEOUT_S, retries=RETRIES
+    )
     for result in results:
         ledger.end_assembly(items[result.index], result)
 
@@ -162,11 +164,12 @@ def _changed_sources(digests: dict[Path, str]) -> Iterator[Finding]:
             )
 
 
-def _name(function: Callable[..., Any]) -> str:
+def name_of(function: Callable[..., Any]) -> str:
+    """The importable name by which executors call a function."""
     return f"{function.__module__}:{function.__qualname__}"
 
 
-def _cpu_s(executor: Executor) -> float:
+def cpu_s(executor: Executor) -> float:
     """CPU time of this process, of its ended children and of the executor's living ones."""
     usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(usage.ru_utime + usage.ru_stime for usage in usages) + executor.cpu_s

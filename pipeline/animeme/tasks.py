@@ -1,4 +1,4 @@
-"""The two kinds of work in a run, as functions that any executor can call.
+"""The kinds of work in a run, as functions that any executor can call.
 
 What goes in and out is small: paths, names, findings. Curves travel through files in the run's
 spool folder.
@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import json
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ import numpy as np
 from animeme import registry
 from animeme.contracts import (
     Alignment,
+    Anchor,
     AssetSubject,
     LineAnimation,
     LineSubject,
@@ -96,10 +97,31 @@ class LineOutcome:
     Attributes:
         audio_s: length of the recording, 0 if it could not be read.
         findings: those of the line itself have no character; the others name theirs.
+        score: the aligner's confidence, 0 to 1, or None.
     """
 
     audio_s: float
     findings: tuple[Finding, ...]
+    score: float | None = None
+
+
+@dataclass(frozen=True)
+class AlignItem:
+    """Work on one line whose timings are all that is wanted.
+
+    Attributes:
+        line: the line.
+        aligner: name of the aligner.
+        lexicon: pronunciations of the user's, or None.
+        output: file to write if the line is good, or None.
+        format: its format, as the stage ``write-timings`` calls it.
+    """
+
+    line: Line
+    aligner: str
+    lexicon: Path | None
+    output: Path | None
+    format: str
 
 
 @dataclass(frozen=True)
@@ -164,34 +186,101 @@ def _context(spool: Path) -> RunContext:
 
 def make_line(item: LineItem) -> LineOutcome:
     """Ingest, align, synthesize and retarget one line; its curves go to the spool."""
-    line, context = item.line, _context(item.spool)
+    context = _context(item.spool)
+
+    def animate(alignment: Alignment) -> Iterator[Finding]:
+        yield from _animate(item, context, alignment)
+
+    def save(alignment: Alignment) -> None:
+        _save_alignment(context.output, item.line, alignment)
+
+    return _timed_line(item.line, context.aligner, context.lexicon, animate, save)
+
+
+def align_line(item: AlignItem) -> LineOutcome:
+    """Ingest and align one line, and write its timings."""
+
+    def save(alignment: Alignment) -> None:
+        if item.output is not None:
+            registry.stage("write-timings")(alignment.track, item.output, item.format)
+
+    return _timed_line(item.line, item.aligner, item.lexicon, lambda _: (), save)
+
+
+def _timed_line(
+    line: Line,
+    aligner: str,
+    lexicon: Path | None,
+    use: Callable[[Alignment], Iterable[Finding]],
+    save: Callable[[Alignment], None],
+) -> LineOutcome:
+    """Ingest and align one line, `use` its alignment, and `save` it if nothing is wrong."""
     findings = list(line.findings)
     if findings:
         return LineOutcome(0.0, tuple(replace(f, line=line.key) for f in findings))
     speech: Speech | None = None
+    alignment: Alignment | None = None
     try:
         speech = registry.stage("read-speech")(line.audio)
         assert speech is not None
-        alignment = _aligned(line, speech, context)
-        findings += [*speech.findings, *alignment.findings, *_animate(item, context, alignment)]
+        alignment = align_speech(
+            speech,
+            _transcript(line),
+            line.timings,
+            language=line.language,
+            aligner=aligner,
+            lexicon=lexicon,
+        )
+        findings += [*speech.findings, *alignment.findings, *use(alignment)]
         if not any(finding.severity == Severity.ERROR for finding in findings):
-            _save_alignment(context.output, line, alignment)
+            save(alignment)
     except InputError as error:
         findings.append(Finding.from_error(error))
     audio_s = speech.duration_s if speech else 0.0
-    return LineOutcome(audio_s, tuple(replace(f, line=line.key) for f in findings))
+    score = alignment.score if alignment else None
+    return LineOutcome(audio_s, tuple(replace(f, line=line.key) for f in findings), score)
 
 
-def _aligned(line: Line, speech: Speech, context: RunContext) -> Alignment:
-    """The line's phones: as somebody timed them, or as the aligner finds them."""
-    alignment: Alignment
-    if line.timings is not None:
-        alignment = registry.stage("read-timings")(line.timings, speech, language=line.language)
-    else:
-        text: str = registry.stage("read-transcript")(line.transcript)
-        alignment = registry.aligner(context.aligner).align(
-            speech, text, language=line.language, lexicon=context.lexicon
+def _transcript(line: Line) -> Callable[[], str] | None:
+    """Reads the line's transcript; None where timings may do without."""
+    if line.timings is not None and not line.transcript.is_file():
+        return None
+    return partial(registry.stage("read-transcript"), line.transcript)
+
+
+def align_speech(
+    speech: Speech,
+    text: Callable[[], str] | None,
+    timings: Path | None,
+    *,
+    language: str,
+    aligner: str,
+    lexicon: Path | None,
+) -> Alignment:
+    """The phones of a recording: as somebody timed them, or as the aligner finds them.
+
+    Args:
+        speech: the recording.
+        text: gives what is said in it; None if only `timings` tell.
+        timings: of phones or words, or None.
+        language: BCP-47 tag.
+        aligner: name of the aligner.
+        lexicon: pronunciations that go before the aligner's own.
+
+    Raises:
+        InputError: one of them cannot be used, or they do not fit together.
+    """
+
+    def align(words: str, anchors: Sequence[Anchor] = ()) -> Alignment:
+        return registry.aligner(aligner).align(
+            speech, words, language=language, lexicon=lexicon, anchors=anchors
         )
+
+    if timings is None:
+        return align(text() if text else "")
+    alignment: Alignment = registry.stage("read-timings")(
+        timings, speech, language=language, text=text, align=align
+    )
     return alignment
 
 

@@ -16,7 +16,7 @@ import click
 
 # Name → one-line help. Commands are imported when used, so that --help is quick.
 _COMMANDS = {
-    "align": "Find when each phone of a recording is spoken.",
+    "align": "Find when each phone of a recording, or of a folder of lines, is spoken.",
     "doctor": "Say what is installed, and what extras would add.",
     "lexicon": "List the words of a dialogue that no dictionary has.",
     "rig": "Say which rig profile fits an asset, or draft one.",

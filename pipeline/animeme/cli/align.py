@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -11,15 +12,31 @@ from rich.markup import escape
 from rich.table import Table
 
 from animeme import api, registry
+from animeme.aligning import DEFAULT_LANGUAGE, AlignReport
+from animeme.cli.progress import progress
 from animeme.contracts import Alignment
+from animeme.dialogue import TEXT_SUFFIXES, kind_of
+from animeme.errors import InputError
+from animeme.executors.inline import InlineExecutor
+from animeme.findings import LineStatus, Severity, exit_code_of
+from animeme.runner import cpu_s
+
+# More lines than this are not shown on a terminal; --json has all.
+SHOWN_LINES = 20
+STATUSES: tuple[LineStatus, ...] = ("ok", "review", "failed")
 
 
 @click.command(
-    "align", epilog='Example: animeme align hello.wav hello.txt · animeme align hello.wav "Hello"'
+    "align",
+    epilog='Example: animeme align hello.wav hello.txt · animeme align hello.wav "Hello" · '
+    "animeme align dialogue --output timings --json",
 )
 @click.argument("audio", type=click.Path(path_type=Path))
-@click.argument("text")
-@click.option("--language", default="en", show_default=True, help="BCP-47 tag.")
+@click.argument("text", required=False)
+@click.option(
+    "--language",
+    help="BCP-47 tag. By default each language's own in a dialogue folder, and en elsewhere.",
+)
 @click.option("--aligner", default="pocketsphinx", show_default=True, help="A registered aligner.")
 @click.option(
     "--lexicon", type=click.Path(path_type=Path), help="Pronunciations that go before all others."
@@ -27,7 +44,7 @@ from animeme.contracts import Alignment
 @click.option(
     "--output",
     type=click.Path(path_type=Path),
-    help="Write the alignment to this file as well, in the --format.",
+    help="Write the alignment to this file as well, in the --format; of a folder, to this folder.",
 )
 @click.option(
     "--format",
@@ -36,25 +53,113 @@ from animeme.contracts import Alignment
     show_default=True,
     help="textgrid, ctm, phone-ctm, rhubarb-tsv or alignment.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print the alignment document on stdout.")
+@click.option(
+    "--workers", type=click.IntRange(1), help="Processes for a folder; all processors by default."
+)
+@click.option(
+    "--executor",
+    type=click.Choice(["local", "inline"]),
+    default="local",
+    show_default=True,
+    help="For a folder: supervised processes, or in this one, for debugging.",
+)
+@click.option(
+    "--fail-on",
+    type=click.Choice(["info", "warning", "error"]),
+    default="error",
+    show_default=True,
+    help="Severity of a finding that makes the exit code 1.",
+)
+@click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    help="Print the alignment, or a folder's report, as JSON on stdout.",
+)
 def command(
     audio: Path,
+    text: str | None,
+    language: str | None,
+    aligner: str,
+    lexicon: Path | None,
+    output: Path | None,
+    form: str,
+    workers: int | None,
+    executor: str,
+    fail_on: str,
+    as_json: bool,
+) -> int:
+    """Find when each word and phone of TEXT is spoken in AUDIO.
+
+    TEXT is a file of its transcript or timings, or the words themselves. If AUDIO is a folder,
+    every recording below it is aligned with the transcript or the timings beside it.
+    """
+    if not audio.is_dir():
+        if text is None and not audio.exists():
+            raise InputError(
+                "audio-missing",
+                "there is no such recording or folder",
+                place=str(audio),
+                action="Check its name.",
+            )
+        if text is None:
+            raise click.UsageError("Give the TEXT that is spoken in AUDIO, or its file.")
+        return _one(
+            audio,
+            text,
+            language=language or DEFAULT_LANGUAGE,
+            aligner=aligner,
+            lexicon=lexicon,
+            output=output,
+            form=form,
+            fail_on=fail_on,
+            as_json=as_json,
+        )
+    if text is not None:
+        raise click.UsageError("A folder's lines have their texts beside them: leave out TEXT.")
+    with progress("lines") as listener:
+        report = api.align_folder(
+            audio,
+            output=output,
+            format=form,
+            language=language,
+            aligner=aligner,
+            lexicon=lexicon,
+            executor="inline" if executor == "inline" else "local",
+            workers=workers,
+            fail_on=fail_on,
+            listener=listener,
+        )
+    # The command's whole cost, its start included; its workers have ended.
+    report = replace(report, cpu_s=cpu_s(InlineExecutor()))
+    if as_json:
+        click.echo(json.dumps(report.to_document(), ensure_ascii=False, indent=1))
+    _summarize(report, to_stderr=as_json)
+    return report.exit_code
+
+
+def _one(
+    audio: Path,
     text: str,
+    *,
     language: str,
     aligner: str,
     lexicon: Path | None,
     output: Path | None,
     form: str,
+    fail_on: str,
     as_json: bool,
 ) -> int:
-    """Find when each word and phone of TEXT is spoken in AUDIO.
-
-    TEXT is the transcript's file, or the words themselves.
-    """
-    transcript = Path(text)
-    if transcript.suffix.lower() in (".txt", ".lab"):
-        text = registry.stage("read-transcript")(transcript)
-    alignment = api.align(audio, text, language=language, aligner=aligner, lexicon=lexicon)
+    file: Path | None = Path(text)
+    if kind_of(Path(text)) in ("timings", "mouth shapes"):
+        said = None
+    else:
+        file, said = None, text
+        if Path(text).suffix.lower() in TEXT_SUFFIXES:
+            said = registry.stage("read-transcript")(Path(text))
+    alignment = api.align(
+        audio, said, timings=file, language=language, aligner=aligner, lexicon=lexicon
+    )
     if output is not None:
         registry.stage("write-timings")(alignment.track, output, form)
     for finding in alignment.findings:
@@ -63,7 +168,31 @@ def command(
         click.echo(json.dumps(alignment.track.to_document(), ensure_ascii=False, indent=1))
     else:
         Console().print(_table(alignment))
-    return 0
+    return exit_code_of(alignment.findings, Severity.parse(fail_on))
+
+
+def _summarize(report: AlignReport, *, to_stderr: bool) -> None:
+    """Counts, the worst lines and why, and where the timings are."""
+    bad = [line for line in report.lines if line.status != "ok"]
+    bad.sort(key=lambda line: line.status != "failed")
+    for line in bad[:SHOWN_LINES]:
+        click.echo(f"{line.status:<7} {line.id}", err=to_stderr)
+        for finding in line.findings:
+            if finding.severity > Severity.INFO:
+                click.echo(f"        {finding}", err=to_stderr)
+    if len(bad) > SHOWN_LINES:
+        click.echo(f"and {len(bad) - SHOWN_LINES} more: --json has them all", err=to_stderr)
+    counts = ", ".join(f"{report.count(status)} {status}" for status in STATUSES)
+    click.echo(
+        f"{len(report.lines)} lines, {report.audio_s:.1f} s of audio: {counts}; "
+        f"{report.cpu_s:.1f} CPU-seconds.",
+        err=to_stderr,
+    )
+    written = sum(line.output is not None for line in report.lines)
+    if report.output is None:
+        click.echo("Nothing was written: --output names a folder for timings.", err=to_stderr)
+    else:
+        click.echo(f"Timings of {written} lines are in '{report.output}'.", err=to_stderr)
 
 
 def _table(alignment: Alignment) -> Table:

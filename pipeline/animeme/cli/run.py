@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import json
-import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import click
 from rich.console import Console
 from rich.markdown import Markdown
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-from rich.progress import Progress as Bar
 
 from animeme import api
+from animeme.cli.progress import progress
 from animeme.executors.local import default_workers
 from animeme.job import read_job
-from animeme.runner import Listener, Progress
-
-# Where there is no terminal, a line this often.
-PLAIN_EVERY_S = 5.0
 
 
 @click.command("run", epilog="Example: animeme run sample_assets/job.toml --output /tmp/spoken")
@@ -54,7 +45,7 @@ def command(
     per language, alignments/, report.json, summary.md and run.jsonl.
     """
     folder = output or read_job(job).output
-    with _progress() as listener:
+    with progress("lines", "assets") as listener:
         report = api.run(
             job,
             output=folder,
@@ -81,40 +72,3 @@ def command(
         effort = {"output": str(folder), "wall_s": report.wall_s, "cpu_s": report.cpu_s}
         click.echo(json.dumps({**document, **effort}, ensure_ascii=False, indent=1))
     return report.exit_code
-
-
-@contextmanager
-def _progress() -> Iterator[Listener]:
-    """A bar on a terminal, plain lines elsewhere; both on stderr."""
-    if not sys.stderr.isatty():
-        yield _PlainLines()
-        return
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[note]}"),
-    )
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
-        tasks = {stage: bar.add_task(stage, total=None, note="") for stage in ("lines", "assets")}
-
-        def listener(event: Progress) -> None:
-            note = f"{event.failed} failed" if event.failed else ""
-            bar.update(tasks[event.stage], completed=event.done, total=event.total, note=note)
-
-        yield listener
-
-
-class _PlainLines:
-    """A line of progress every few seconds, and one at the end of each stage."""
-
-    def __init__(self) -> None:
-        self.last = time.monotonic()
-
-    def __call__(self, event: Progress) -> None:
-        now = time.monotonic()
-        if now - self.last >= PLAIN_EVERY_S or event.done == event.total:
-            self.last = now
-            failed = f", {event.failed} failed" if event.failed else ""
-            click.echo(f"{event.stage}: {event.done}/{event.total}{failed}", err=True)

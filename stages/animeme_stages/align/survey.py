@@ -11,6 +11,8 @@ from animeme.dialogue import Line
 from animeme.errors import InputError
 from animeme.findings import Finding, Severity
 from animeme.vocabulary import Survey, UnknownWord
+from animeme_stages.align.anchors import joined
+from animeme_stages.align.interchange import read_timings
 from animeme_stages.align.language import Language, language
 from animeme_stages.align.lexicon import Lexicon, read_lexicon
 from animeme_stages.align.pronounce import dictionary, guess
@@ -44,7 +46,7 @@ def survey(lines: Sequence[Line], lexicon: Path | None = None) -> Survey:
     for line in lines:
         try:
             spoken_in = language(line.language)
-            found = tokens(read_transcript(line.transcript), spoken_in)
+            found = tokens(_text(line, spoken_in), spoken_in)
         except InputError as error:
             findings.append(Finding.from_error(error, line=line.key))
             continue
@@ -70,6 +72,15 @@ def survey(lines: Sequence[Line], lexicon: Path | None = None) -> Survey:
         tuple(unknown),
         tuple(findings),
     )
+
+
+def _text(line: Line, spoken_in: Language) -> str:
+    """What the line's transcript says, or its timings where they are all there is."""
+    if line.timings is None or line.transcript.is_file():
+        return read_transcript(line.transcript)
+    timings = read_timings(line.timings)
+    # Phones need no pronunciation.
+    return "" if timings.phones else joined(timings.words, spoken_in)
 
 
 def _is_known(word: str, spoken_in: Language, lexicon: Lexicon) -> bool:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from animeme.errors import InputError
 from animeme.files import write_text
@@ -27,18 +28,26 @@ from animeme_stages.align.interchange import (
     textgrid,
     whisper,
 )
-from animeme_stages.align.interchange.source import Source, damaged, read_source
+from animeme_stages.align.interchange.source import (
+    Source,
+    damaged,
+    is_cut_json,
+    parse_json,
+    read_source,
+)
 from animeme_stages.align.interchange.timings import DamagedError, Span, Timings
 from animeme_stages.align.interchange.track import anchors, track_from
 
 __all__ = [
     "FORMATS",
+    "Kind",
     "Span",
     "TimingFormat",
     "Timings",
     "anchors",
-    "has_timings",
+    "kind_of",
     "read_timings",
+    "suffix_of",
     "track_from",
     "write_timings",
 ]
@@ -85,6 +94,13 @@ FORMATS: dict[str, TimingFormat] = {
 """Every format by name. ``ctm`` writes words (phones where there are none), ``phone-ctm`` phones;
 both are read as ``ctm``."""
 
+Kind = Literal["timings", "mouth shapes", "other"]
+"""Timings of words or phones; of visemes alone, from which nothing can be aligned; neither."""
+
+# Suffixes of other things as well → the format that is meant where it is one.
+_SHARED_SUFFIXES = {".lab": "htk", ".tsv": "rhubarb-tsv", ".json": "", ".jsonl": ""}
+_TELLING_MEMBERS = ("mouthCues", "segments", "word_segments", "words", "phones", "tiers")
+
 
 def read_timings(path: Path) -> Timings:
     """The timings in a file, whose format is told by its suffix, and by its content where the
@@ -109,18 +125,36 @@ def read_timings(path: Path) -> Timings:
         raise damaged(path, str(error)) from error
 
 
-def has_timings(path: Path) -> bool:
-    """Whether the file beside a recording holds timings; a ``.lab`` may be a plain transcript.
+def kind_of(path: Path) -> Kind:
+    """What a file beside a recording is meant to be, whether or not it is whole.
 
-    Only tells what a file is meant to be, not whether it is whole.
-
-    Raises:
-        InputError: it cannot be read at all.
+    Suffixes that only timings have tell by themselves. A ``.lab`` may be a transcript, and a
+    ``.json``, ``.jsonl`` or ``.tsv`` anybody's: their content tells. JSON that was cut short, or is
+    broken and speaks of timings, is taken for damaged timings rather than for nobody's.
     """
     suffix = path.suffix.lower()
-    if suffix == ".lab":
-        return htk.matches(read_source(path))
-    return any(suffix in form.suffixes for form in FORMATS.values())
+    if suffix not in _SHARED_SUFFIXES:
+        return "timings" if any(suffix in form.suffixes for form in FORMATS.values()) else "other"
+    try:
+        source = read_source(path)
+    except InputError as error:
+        unreadable = error.code in ("timings-unreadable", "timings-damaged")
+        return "timings" if unreadable and suffix.startswith(".json") else "other"
+    if suffix.startswith(".json"):
+        return _kind_of_json(source, suffix)
+    form = FORMATS[_SHARED_SUFFIXES[suffix]]
+    matches = form.matches is not None and form.matches(source)
+    return ("mouth shapes" if suffix == ".tsv" else "timings") if matches else "other"
+
+
+def suffix_of(format: str) -> str:
+    """The suffix of a format's files, spelt as its own tools do (``.TextGrid``).
+
+    Raises:
+        InputError: the format is none, or cannot be written.
+    """
+    (suffix, *_) = _writable(format, "--format").suffixes
+    return ".TextGrid" if suffix == ".textgrid" else suffix
 
 
 def write_timings(track: PhoneTrack, path: Path, format: str) -> None:
@@ -134,16 +168,39 @@ def write_timings(track: PhoneTrack, path: Path, format: str) -> None:
     Raises:
         InputError: the format cannot be written, or the file.
     """
+    form = _writable(format, str(path))
+    assert form.write is not None
+    write_text(path, form.write(track, path.stem))
+
+
+def _writable(format: str, place: str) -> TimingFormat:
     form = FORMATS.get(format)
     if form is None or form.write is None:
         writable = ", ".join(name for name, each in FORMATS.items() if each.write)
         raise InputError(
             "timings-format",
             f"'{format}' is not a format that can be written",
-            place=str(path),
+            place=place,
             action=f"Choose one of: {writable}.",
         )
-    write_text(path, form.write(track, path.stem))
+    return form
+
+
+def _kind_of_json(source: Source, suffix: str) -> Kind:
+    if not source.text.strip():
+        return "timings"  # whoever writes JSON opens the file first
+    if not source.first_line.startswith(("{", "[")):
+        return "other"
+    try:
+        found = _format_of(source, suffix)
+        if found is None and suffix == ".jsonl":
+            parse_json(source.first_line)
+    except DamagedError:
+        spoken_of = any(f'"{member}"' in source.text for member in _TELLING_MEMBERS)
+        return "timings" if spoken_of or is_cut_json(source.text) else "other"
+    if found is None or (found is FORMATS["whisper"] and not whisper.is_timed(source)):
+        return "other"
+    return "mouth shapes" if found is FORMATS["rhubarb-json"] else "timings"
 
 
 def _format_of(source: Source, suffix: str) -> TimingFormat | None:

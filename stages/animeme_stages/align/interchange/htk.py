@@ -15,12 +15,19 @@ from animeme_stages.align.interchange.timings import DamagedError, Span, Timings
 
 _UNIT_S = 1e-7
 _LINE = re.compile(r"\s*(\d+(?:\.\d+)?)\s+(\d+(?:\.\d+)?)\s+(\S+)((?:\s+\S+)*)\s*")
+_SHORTEST_S = 0.001  # no label ends earlier
 _MAIN = "#!MLF!#"
 
 
 def matches(source: Source) -> bool:
-    """Whether the first line is times and a label, rather than a transcript."""
-    return _LINE.fullmatch(source.first_line) is not None
+    """Whether the first line is times and a label, rather than a transcript like "2 4 six"."""
+    if source.first_line == _MAIN:
+        return True
+    match = _LINE.fullmatch(source.first_line)
+    if match is None:
+        return False
+    seconds = "." in match[1] or "." in match[2]
+    return seconds or float(match[2]) * _UNIT_S >= _SHORTEST_S
 
 
 def read(source: Source) -> Timings:

@@ -110,6 +110,23 @@ def parse_json(text: str) -> Any:
         raise DamagedError(f"it is not complete JSON ({str(error)[:80]})") from None
 
 
+def is_cut_json(text: str) -> bool:
+    """Whether a JSON text breaks off at its end, rather than being no JSON in the middle.
+
+    Example:
+        >>> is_cut_json('{"a": [1, 2'), is_cut_json('{"a": 1} // a remark'), is_cut_json("{}")
+        (True, False, False)
+    """
+    try:
+        json.loads(text)
+    except json.JSONDecodeError as error:
+        # A cut literal ("fals") or escape is complained about where it starts.
+        return error.msg.startswith("Unterminated") or error.pos >= len(text.rstrip()) - 5
+    except (ValueError, RecursionError):
+        return False
+    return False
+
+
 def mapping(value: Any, place: str) -> dict[str, Any]:
     """`value` if it is a JSON object.
 

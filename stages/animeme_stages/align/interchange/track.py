@@ -10,6 +10,11 @@ from animeme_stages.align.interchange.timings import ROUNDING_S, Span, Timings
 LEFT_OVER_S = 0.05
 """Seconds by which timings may run past the recording: encoders pad and trim by up to this."""
 
+SUBTITLE_LEFT_OVER_S = 1.0
+"""As much for subtitles, which stay a while to be read."""
+SUBTITLES = ("webvtt", "srt")
+"""The formats, keys of `FORMATS`, that subtitles come in."""
+
 
 def track_from(
     timings: Timings,
@@ -81,7 +86,8 @@ def anchors(timings: Timings, *, duration_s: float, place: str = "timings") -> t
 def _require_fit(timings: Timings, duration_s: float, place: str) -> None:
     spans = (*timings.words, *(p for p in timings.phones if arpabet(p.label) != SILENCE))
     end_s = max((span.end_s for span in spans), default=0.0)
-    if end_s > duration_s + LEFT_OVER_S:
+    left_over_s = SUBTITLE_LEFT_OVER_S if timings.source in SUBTITLES else LEFT_OVER_S
+    if end_s > duration_s + left_over_s:
         raise InputError(
             "timings-too-long",
             f"speech ends at {end_s:.3f} s, but the recording at {duration_s:.3f} s",

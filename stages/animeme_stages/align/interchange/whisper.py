@@ -26,6 +26,13 @@ def matches(source: Source) -> bool:
     )
 
 
+def is_timed(source: Source) -> bool:
+    """Whether a content that matches has times; others' segments and words may have none."""
+    lists = (source.json.get(key) for key in ("segments", "word_segments", "words"))
+    entries = [entry for each in lists if isinstance(each, list) for entry in each]
+    return any(isinstance(e, dict) and not e.keys().isdisjoint(("start", "words")) for e in entries)
+
+
 def read(source: Source) -> Timings:
     """The words, or the text of the segments where no words were timed.
 
