@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from animeme.contracts import Speech
+from animeme.contracts import Anchor, Speech
+from animeme.errors import InputError
 from animeme.findings import Finding, Severity
 from animeme.phones import SILENCE, Phone, PhoneTrack
-from animeme_stages.align.language import Language
+from animeme_stages.align.confidence import Judgement
 
 FRAME_S = 0.01
-# Every phone model has three states of at least one frame each.
-SHORTEST_PHONE_S = 3 * FRAME_S
+# A line whose words are in doubt from this share on is in doubt as a whole.
+MOST_WORDS = 0.5
+# A person wants to know where to listen, not everything.
+MOST_PLACES = 3
+# Above this score, with this share of its words in doubt, a line is refused.
+HOPELESS, HOPELESS_WORDS = 4.0, 0.75
+# A frame at either end: anchors are rounded to frames.
+ANCHOR_ROUNDING_S = 2 * FRAME_S
 
 # Sound in a pause that is within this of the words' own level is speech, not breath or room…
 LOUD_DB = 8.0
@@ -31,34 +38,79 @@ def doubt(code: str, reason: str) -> Finding:
     )
 
 
-def doubts(track: PhoneTrack, speech: Speech, language: Language) -> Iterator[Finding]:
-    """What speaks against an alignment; thresholds and their measurement: docs/alignment.md.
+def doubts(judgement: Judgement, track: PhoneTrack) -> Iterator[Finding]:
+    """What speaks against an alignment: the places in doubt, the worst ones first.
 
     Args:
-        track: the aligned phones, with scores.
-        speech: what they were aligned with.
-        language: gives the thresholds.
+        judgement: of the line.
+        track: its words, as many as were judged.
     """
-    spoken = [phone for phone in track.phones if phone.symbol != SILENCE]
-    squeezed = sum(phone.duration_s < SHORTEST_PHONE_S + FRAME_S / 2 for phone in spoken)
-    share = squeezed / len(spoken)
-    if share > language.squeezed_share:
-        yield doubt("align-squeezed", f"{share:.0%} of the sounds had to be squeezed in")
-    score = mean_score(spoken)
-    if score < language.score_floor:
-        reason = f"the sounds fit badly (score {score:.0f}, usual above {language.score_floor:.0f})"
-        yield doubt("align-poor-score", reason)
-    pause, length_s = sound_in_pauses(track, speech)
-    if pause is not None and length_s >= UNTRANSCRIBED_S:
-        between = f"between {pause.start_s:.1f} and {pause.end_s:.1f} s"
-        reason = f"{length_s:.1f} s of sound {between} are in no word"
-        yield doubt("align-untranscribed", reason)
+    if judgement.line <= 0:
+        return
+    share = float((judgement.words > 0).mean())
+    if share >= MOST_WORDS and len(track.words) > 1:
+        yield doubt("align-text-differs", f"{share:.0%} of its words do not fit the sound")
+        return
+    # Where no place alone is in doubt, the worst one stands for the line.
+    bar = min(0.0, float(max(judgement.words.max(), judgement.gaps.max())))
+    places = [(score, 0, at) for at, score in enumerate(judgement.words) if score >= bar]
+    places += [(score, 1, at) for at, score in enumerate(judgement.gaps) if score >= bar]
+    for _, gap, at in sorted(places, key=lambda place: -place[0])[:MOST_PLACES]:
+        yield _gap_doubt(track, at) if gap else _word_doubt(track, at)
 
 
-def mean_score(phones: list[Phone]) -> float:
-    """Mean acoustic score per frame over `phones`, weighted by their length."""
-    total_s = sum(phone.duration_s for phone in phones)
-    return sum((phone.score or 0.0) * phone.duration_s for phone in phones) / total_s
+def _word_doubt(track: PhoneTrack, at: int) -> Finding:
+    word = track.words[at]
+    when = f"{word.start_s:.2f}–{word.end_s:.2f} s"
+    return doubt("align-word-differs", f"'{word.text}' does not fit the sound at {when}")
+
+
+def _gap_doubt(track: PhoneTrack, at: int) -> Finding:
+    words = track.words
+    if at == 0:
+        where = f"before the first word, '{words[0].text}' at {words[0].start_s:.2f} s"
+    elif at == len(words):
+        where = f"after the last word, '{words[-1].text}' at {words[-1].end_s:.2f} s"
+    else:
+        where = (
+            f"between '{words[at - 1].text}' and '{words[at].text}', "
+            f"around {(words[at - 1].end_s + words[at].start_s) / 2:.2f} s"
+        )
+    return doubt("align-untranscribed", f"more seems to be said {where}")
+
+
+def require_likeness(judgement: Judgement, speech: Speech) -> None:
+    """Refuse a line that has next to nothing in common with its transcript.
+
+    Raises:
+        InputError: so it is (``align-failed``).
+    """
+    share = float((judgement.words > 0).mean())
+    if judgement.line > HOPELESS and share >= HOPELESS_WORDS:
+        raise InputError(
+            "align-failed",
+            "the recording and the transcript do not fit together",
+            place=str(speech.source),
+            action="Listen to the line: a wrong take, a missing sentence, or the wrong file.",
+        )
+
+
+def anchor_doubts(track: PhoneTrack, anchors: Sequence[Anchor]) -> Iterator[Finding]:
+    """A warning where words could not be spoken at the times that were given for them."""
+    missed = [
+        word
+        for anchor in anchors
+        for word in track.words
+        if anchor.start <= word.source[0] < anchor.end
+        and not (
+            anchor.start_s - anchor.slack_s - ANCHOR_ROUNDING_S <= word.start_s
+            and word.end_s <= anchor.end_s + anchor.slack_s + ANCHOR_ROUNDING_S
+        )
+    ]
+    if missed:
+        first = f"'{missed[0].text}' at {missed[0].start_s:.2f} s"
+        reason = f"{len(missed)} words are not spoken at the times given, first {first}"
+        yield doubt("align-anchor-missed", reason)
 
 
 def sound_in_pauses(track: PhoneTrack, speech: Speech) -> tuple[Phone | None, float]:

@@ -57,12 +57,10 @@ class Language:
         decimal_word, minus: how the separator and a minus sign are spoken.
         numbers: num2words locale, "" where it has none and `numerals` names the numbers.
         symbols: sign → words.
-        beams: the decoder's, for the first try.
-        squeezed_share: share of phones at their shortest above which a line is for review.
-        score_floor: mean acoustic score per frame below which a line is for review.
         accents: espeak-ng voices whose pronunciations are offered too.
         reader: "chinese" or "japanese" where words and sounds need one, which is also its extra.
         sounds: the reader's units (kana, or initials and finals of pinyin) → IPA.
+        also: word → pronunciations beside the dictionary's, in ARPAbet.
         ipa: espeak-ng's own spelling of a phone → IPA.
         numerals: names of the numbers where num2words has none.
         respell: mends num2words' spelling, part by part.
@@ -91,12 +89,10 @@ class Language:
     minus: str
     numbers: str
     symbols: Mapping[str, str]
-    beams: Mapping[str, float]
-    squeezed_share: float
-    score_floor: float
     accents: tuple[str, ...] = ()
     reader: str = ""
     sounds: Mapping[str, str] = field(default_factory=dict)
+    also: Mapping[str, Sequence[str]] = field(default_factory=dict)
     ipa: Mapping[str, str] = field(default_factory=dict)
     numerals: Numerals | None = None
     respell: Mapping[str, str] = field(default_factory=dict)
@@ -114,6 +110,11 @@ class Language:
     ordinals: Mapping[str, str] = field(default_factory=dict)
     time: Mapping[str, str] = field(default_factory=dict)
     date: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def family(self) -> str:
+        """Which calibration its alignments need: whether the acoustic model knows its phones."""
+        return "en" if self.inventory == "arpabet" else "mapped"
 
     @property
     def thousands(self) -> str:

@@ -1,0 +1,1 @@
+"""Exact alignment with PocketSphinx's acoustic model, in NumPy: features, scores, search, doubt."""

@@ -1,0 +1,124 @@
+"""Cepstra as the acoustic model was trained on.
+
+Davis & Mermelstein 1980 with CMU Sphinx's parameters (``feat.params`` of the model): 25 mel filters
+from 130 to 6,800 Hz, 13 liftered cepstra, mean normalisation per recording, first and second
+differences; and its suppression of stationary noise.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float32]
+
+RATE_HZ = 16_000
+HOP = 160
+WINDOW = 410
+_FFT = 512
+_FILTERS = 25
+_CEPSTRA = 13
+_LOW_HZ, _HIGH_HZ = 130.0, 6800.0
+_LIFTER = 22
+_PREEMPHASIS = 0.97
+
+# Noise tracking: how slowly power, its floor upwards and its floor downwards follow; masking after
+# a peak; and the largest amplification or attenuation.
+_POWER_KEEP, _RISE_KEEP, _FALL_KEEP = 0.7, 0.995, 0.5
+_MASK_KEEP, _MASK_LEVEL = 0.85, 0.2
+_MOST_GAIN = 20.0
+_SMOOTH = 4
+
+
+def features(samples: NDArray[np.int16]) -> tuple[Floats, Floats, Floats]:
+    """Cepstra, their first and second differences, each (T, 13); a frame is 10 ms.
+
+    Args:
+        samples: mono at 16 kHz, at least one window of 410.
+    """
+    signal = samples.astype(np.float64)
+    signal = np.append(signal[0], signal[1:] - _PREEMPHASIS * signal[:-1])
+    frames = np.lib.stride_tricks.sliding_window_view(signal, WINDOW)[::HOP] * _hamming()
+    power = np.abs(np.fft.rfft(frames, _FFT)) ** 2 @ _mel_filters().T
+    cepstra = np.log(np.maximum(_without_noise(power), 1e-10)) @ _cosines().T
+    cepstra -= cepstra.mean(axis=0)
+    padded = np.pad(cepstra, ((3, 3), (0, 0)), mode="edge")
+    count = len(cepstra)
+    first = padded[5 : 5 + count] - padded[1 : 1 + count]
+    later = padded[6 : 6 + count] - padded[2 : 2 + count]
+    earlier = padded[4 : 4 + count] - padded[:count]
+    return (
+        cepstra.astype(np.float32),
+        first.astype(np.float32),
+        (later - earlier).astype(np.float32),
+    )
+
+
+def _without_noise(power: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mel power with stationary noise attenuated, (T, filters)."""
+    gains = np.empty_like(power)
+    level = power[0].copy()
+    noise = level / _MOST_GAIN
+    floor = level / _MOST_GAIN
+    peak = np.zeros_like(level)
+    for t in range(len(power)):
+        level = _POWER_KEEP * level + (1 - _POWER_KEEP) * power[t]
+        noise = _lower_envelope(noise, level)
+        signal = np.maximum(level - noise, 1.0)
+        floor = _lower_envelope(floor, signal)
+        faded = peak * _MASK_KEEP
+        masked = np.where(signal < faded, peak * _MASK_LEVEL, signal)
+        peak = np.maximum(faded, signal)
+        heard = np.maximum(masked, floor)
+        gains[t] = np.clip(heard / np.maximum(level, 1e-10), 1 / _MOST_GAIN, _MOST_GAIN)
+    return power * (gains @ _neighbours().T)
+
+
+def _lower_envelope(
+    envelope: NDArray[np.float64], level: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    keep = np.where(level >= envelope, _RISE_KEEP, _FALL_KEEP)
+    result: NDArray[np.float64] = keep * envelope + (1 - keep) * level
+    return result
+
+
+@cache
+def _hamming() -> NDArray[np.float64]:
+    return 0.54 - 0.46 * np.cos(2 * np.pi * np.arange(WINDOW) / (WINDOW - 1))
+
+
+@cache
+def _mel_filters() -> NDArray[np.float64]:
+    """Triangles of unit area with corners on bins of the transform, (filters, bins)."""
+    low, high = 2595 * np.log10(1 + np.array([_LOW_HZ, _HIGH_HZ]) / 700)
+    corners_hz = 700 * (10 ** (np.linspace(low, high, _FILTERS + 2) / 2595) - 1)
+    step_hz = RATE_HZ / _FFT
+    corners_hz = np.round(corners_hz / step_hz) * step_hz
+    left, middle, right = corners_hz[:-2, None], corners_hz[1:-1, None], corners_hz[2:, None]
+    bins_hz = np.arange(_FFT // 2 + 1) * step_hz
+    rising, falling = (bins_hz - left) / (middle - left), (right - bins_hz) / (right - middle)
+    filters: NDArray[np.float64] = np.maximum(0, np.minimum(rising, falling)) * 2 / (right - left)
+    return filters
+
+
+@cache
+def _cosines() -> NDArray[np.float64]:
+    """Orthogonal cosine transform with its lifter, (cepstra, filters)."""
+    order = np.arange(_CEPSTRA)
+    cosines = np.cos(np.pi / _FILTERS * np.outer(order, np.arange(_FILTERS) + 0.5))
+    cosines *= np.sqrt(2 / _FILTERS)
+    cosines[0] *= np.sqrt(0.5)
+    lifter = 1 + _LIFTER / 2 * np.sin(np.pi * order / _LIFTER)
+    result: NDArray[np.float64] = cosines * lifter[:, None]
+    return result
+
+
+@cache
+def _neighbours() -> NDArray[np.float64]:
+    """Mean over a filter and its neighbours, (filters, filters)."""
+    distance = np.abs(np.subtract.outer(np.arange(_FILTERS), np.arange(_FILTERS)))
+    near = (distance <= _SMOOTH).astype(np.float64)
+    result: NDArray[np.float64] = near / near.sum(axis=1, keepdims=True)
+    return result

@@ -1,0 +1,265 @@
+"""Fit ``confidence.json``: how sure an alignment is, from lines with right and damaged transcripts.
+
+    python tests/bench/train_confidence.py [--jobs 2]
+
+Trains on every other line (the 1st, 3rd, … by name) of grid-s1 and of the prompts; tests/bench/
+alignment.py tests on the others. The score of a line is the log-sum-exp of linear scores of its
+places, fitted by maximum likelihood with a quadratic penalty (multiple-instance logistic
+regression): it is told that a transcript is wrong, never where.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import pickle
+from collections.abc import Mapping, Sequence
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from damage import PROMPT_LANGUAGES, Case, cases, grid_lines, prompt_lines
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from animeme_stages.align import confidence
+from animeme_stages.align.acoustic.hear import Heard, UnsayableError, hear
+from animeme_stages.align.acoustic.model import acoustic_model
+from animeme_stages.align.aligner import sounds_of, spoken_words
+from animeme_stages.align.confidence import Usual, calibration_from, measures, pooled, surplus
+from animeme_stages.align.language import language as language_of
+from animeme_stages.ingest.audio import read_speech
+
+Doubles = NDArray[np.float64]
+SEED = 2026
+EACH = 3
+# A phone that was met less often than this many times is led towards the mean of all.
+SHRINKAGE = 20.0
+PENALTY = {"en": 3e-3, "mapped": 3e-3}
+# How much each kind of transcript counts.
+SHARE = {"right": 1.0, "another": 0.1, "two removed": 0.2}
+SHARE_OF_OTHERS = 0.6
+# Right lines of training that may be above a language's threshold.
+FALSE_ALARMS = {"en": 0.008, "mapped": 0.02}
+NEVER_MET = -1
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--keep", type=Path, help="What was heard: read if there, else written.")
+    options = parser.parse_args()
+    if options.keep and options.keep.exists():
+        everything = pickle.loads(options.keep.read_bytes())
+    else:
+        everything = _everything(options.jobs)
+        if options.keep:
+            options.keep.write_bytes(pickle.dumps(everything))
+    families = {family: fit(family, found) for family, found in everything.items()}
+    document = {
+        "about": "Fitted by tests/bench/train_confidence.py on half of GRID (Cooke et al. 2006, "
+        "CC BY 4.0) speaker s1 and of the Asterisk core sounds (CC BY-SA 3.0; ru: CC BY 3.0): "
+        "statistics of how phones fit, no recordings.",
+        "families": families,
+    }
+    path = Path(confidence.__file__).with_suffix(".json")
+    path.write_text(_compact(document) + "\n", encoding="utf-8")
+    print(f"{path.name}: {path.stat().st_size} bytes")
+
+
+Found = list[tuple[str, str, Heard | None]]
+"""(language, kind, what was heard: None where the words cannot be said in the time)."""
+
+
+def _everything(jobs: int) -> dict[str, Found]:
+    english = [*cases(grid_lines()[::2], SEED, EACH), *cases(prompt_lines("en")[::2], SEED, EACH)]
+    mapped = [
+        case
+        for language in PROMPT_LANGUAGES
+        if language != "en"
+        for case in cases(prompt_lines(language)[::2], SEED, EACH)
+    ]
+    with get_context("spawn").Pool(jobs) as pool:
+        return {
+            family: pool.map(_found, found, chunksize=16)
+            for family, found in (("en", english), ("mapped", mapped))
+        }
+
+
+def _found(case: Case) -> tuple[str, str, Heard | None]:
+    language = language_of(case.line.language)
+    _, variants = spoken_words(" ".join(case.words), language, case.line.id)
+    samples = read_speech(case.line.audio).samples
+    try:
+        heard = hear(acoustic_model(), samples, [sounds_of(each) for each in variants])
+    except UnsayableError:
+        return case.line.language, case.kind, None
+    return case.line.language, case.kind, heard
+
+
+def usual_values(lines: Sequence[Heard]) -> dict[int, Usual]:
+    """What is usual for each phone, over right lines."""
+    met: dict[int, list[tuple[float, float]]] = {}
+    for heard in lines:
+        for word in heard.words:
+            for phone in word.phones:
+                row = (float(np.log(phone.length)), -phone.gain / phone.length)
+                met.setdefault(phone.phone, []).append(row)
+    everyone = np.array([row for rows in met.values() for row in rows])
+    mean, spread = everyone.mean(axis=0), everyone.var(axis=0)
+    usual = {NEVER_MET: _usual(mean, spread)}
+    for phone, rows in sorted(met.items()):
+        own = np.array(rows)
+        count = len(own) + SHRINKAGE
+        middle = (own.sum(axis=0) + SHRINKAGE * mean) / count
+        variance = (((own - middle) ** 2).sum(axis=0) + SHRINKAGE * spread) / count
+        usual[phone] = _usual(middle, variance)
+    return usual
+
+
+def _usual(mean: Doubles, variance: Doubles) -> Usual:
+    deviation = np.sqrt(variance)
+    return Usual(
+        (round(float(mean[0]), 4), round(float(deviation[0]), 4)),
+        (round(float(mean[1]), 4), round(float(deviation[1]), 4)),
+    )
+
+
+def fit(family: str, found: Found) -> dict[str, Any]:
+    """The calibration of a family, in its JSON form."""
+    usual = usual_values([heard for _, kind, heard in found if kind == "right" and heard])
+    lines = [(lang, kind, *measures(heard, usual)) for lang, kind, heard in found if heard]
+    words, gaps = np.vstack([line[2] for line in lines]), np.vstack([line[3] for line in lines])
+    scales = [(table.mean(axis=0), table.std(axis=0) + 1e-6) for table in (words, gaps)]
+    weights = _fitted(lines, words, gaps, scales, PENALTY[family])
+    data: dict[str, Any] = {
+        "usual": {str(phone): [*value.log_length, *value.gain] for phone, value in usual.items()},
+        "words": _table(scales[0], weights[0]),
+        "gaps": _table(scales[1], weights[1]),
+        "share": round(weights[2], 4),
+        "thresholds": {"": 0.0},
+    }
+    rough = calibration_from(data)
+    scored: dict[str, list[tuple[str, float]]] = {}
+    for language, kind, word_rows, gap_rows in lines:
+        line_score = pooled(rough.words(word_rows), rough.gaps(gap_rows), rough.share)
+        scored.setdefault(language, []).append((kind, line_score))
+    data["thresholds"] = _thresholds(family, scored)
+    _print(family, scored, data["thresholds"])
+    return data
+
+
+def _fitted(
+    lines: Sequence[tuple[str, str, Doubles, Doubles]],
+    words: Doubles,
+    gaps: Doubles,
+    scales: Sequence[tuple[Doubles, Doubles]],
+    penalty: float,
+) -> tuple[tuple[Doubles, float], tuple[Doubles, float], float]:
+    """Weights and bias of words and of gaps, and the share of the mean of words."""
+    standard = [
+        np.clip((table - mean) / deviation, -6, 6)
+        for table, (mean, deviation) in zip((words, gaps), scales, strict=True)
+    ]
+    of_word = np.repeat(np.arange(len(lines)), [len(line[2]) for line in lines])
+    of_gap = np.repeat(np.arange(len(lines)), [len(line[3]) for line in lines])
+    kinds = np.array([kind for _, kind, *_ in lines])
+    wrong = (kinds != "right").astype(float)
+    counts = np.zeros(len(lines))
+    for kind in set(kinds):
+        counts[kinds == kind] = SHARE.get(kind, SHARE_OF_OTHERS / 2) / (kinds == kind).sum()
+    width = words.shape[1]
+    sizes = np.bincount(of_word)
+    extra = np.array([surplus(len(line[2]) + len(line[3])) for line in lines])
+
+    def loss(free: Doubles) -> tuple[float, Doubles]:
+        share = free[-1]
+        by_word = standard[0] @ free[1 : 1 + width] + free[0]
+        by_gap = standard[1] @ free[2 + width : -1] + free[1 + width]
+        highest = np.full(len(lines), -np.inf)
+        np.maximum.at(highest, of_word, by_word)
+        np.maximum.at(highest, of_gap, by_gap)
+        word_part, gap_part = np.exp(by_word - highest[of_word]), np.exp(by_gap - highest[of_gap])
+        total = np.bincount(of_word, word_part) + np.bincount(of_gap, gap_part)
+        mean = np.bincount(of_word, by_word) / sizes
+        line = highest + np.log(total) - extra + share * mean
+        slope = counts * (1 / (1 + np.exp(-line)) - wrong)
+        word_slope = slope[of_word] * (word_part / total[of_word] + share / sizes[of_word])
+        gap_slope = slope[of_gap] * gap_part / total[of_gap]
+        gradient = np.concatenate(
+            [
+                [word_slope.sum()],
+                standard[0].T @ word_slope,
+                [gap_slope.sum()],
+                standard[1].T @ gap_slope,
+                [slope @ mean],
+            ]
+        )
+        kept = free.copy()
+        kept[[0, 1 + width]] = 0.0
+        value = (counts * (np.logaddexp(0, line) - wrong * line)).sum() + penalty * kept @ kept
+        return float(value), gradient + 2 * penalty * kept
+
+    start = np.zeros(3 + width + gaps.shape[1])
+    start[[0, 1 + width]] = -2.0
+    best = minimize(loss, start, jac=True, method="L-BFGS-B", options={"maxiter": 1000}).x
+    return (
+        (best[1 : 1 + width], best[0]),
+        (best[2 + width : -1], best[1 + width]),
+        float(best[-1]),
+    )
+
+
+def _table(scale: tuple[Doubles, Doubles], weights: tuple[Doubles, float]) -> dict[str, Any]:
+    rows = zip(*scale, weights[0], strict=True)
+    return {
+        "measures": [[round(float(value), 4) for value in row] for row in rows],
+        "bias": round(float(weights[1]), 4),
+    }
+
+
+def _thresholds(family: str, scored: Mapping[str, Sequence[tuple[str, float]]]) -> dict[str, float]:
+    """Per language, and over all languages for those without lines."""
+    right = {
+        language: np.array([score for kind, score in rows if kind == "right"])
+        for language, rows in scored.items()
+    }
+    everyone = np.concatenate(list(right.values()))
+    allowed = 1 - FALSE_ALARMS[family]
+    # Few lines say little about their own tail: each language's own is led towards the common one.
+    common = float(np.quantile(everyone - everyone.mean(), allowed))
+    found = {language: round(float(rows.mean()) + common, 3) for language, rows in right.items()}
+    return {"": round(float(everyone.mean()) + common, 3), **found}
+
+
+def _print(
+    family: str,
+    scored: Mapping[str, Sequence[tuple[str, float]]],
+    thresholds: Mapping[str, float],
+) -> None:
+    for language, rows in scored.items():
+        kinds: dict[str, list[bool]] = {}
+        for kind, line_score in rows:
+            kinds.setdefault(kind, []).append(line_score > thresholds[language])
+        shares = ", ".join(f"{kind} {np.mean(hits):.1%}" for kind, hits in kinds.items())
+        print(f"{family} {language} (trained on): {shares}")
+
+
+def _compact(document: Any) -> str:
+    """JSON with a row per line."""
+    text = json.dumps(document, indent=1)
+    out: list[str] = []
+    for line in text.split("\n"):
+        bare = line.strip()
+        inside = out and out[-1].rstrip().endswith(("[", ",")) and "[" in out[-1]
+        number = bare.rstrip(",").lstrip("-").replace(".", "").replace("e-", "").isdigit()
+        if inside and (number or bare in ("]", "],")):
+            out[-1] += bare if bare.startswith("]") or out[-1].endswith("[") else " " + bare
+        else:
+            out.append(line)
+    return "\n".join(out)
+
+
+if __name__ == "__main__":
+    main()
