@@ -23,6 +23,7 @@ from animeme.contracts import (
     LineSubject,
     Model,
     Speech,
+    Spoken,
 )
 from animeme.curves import CurveSet, reduce_keys
 from animeme.dialogue import Line
@@ -59,6 +60,7 @@ class RunContext:
         model_file: model document.
         rate_hz, max_error: of the curves.
         output: the run's output folder.
+        speak: speak transcripts that have no recording.
     """
 
     targets: tuple[Target, ...]
@@ -69,6 +71,7 @@ class RunContext:
     rate_hz: float
     max_error: float
     output: Path
+    speak: bool
 
 
 @dataclass(frozen=True)
@@ -95,10 +98,12 @@ class LineOutcome:
     Attributes:
         audio_s: length of the recording, 0 if it could not be read.
         findings: those of the line itself have no character; the others name theirs.
+        spoken: there is no recording, the line was spoken.
     """
 
     audio_s: float
     findings: tuple[Finding, ...]
+    spoken: bool = False
 
 
 @dataclass(frozen=True)
@@ -168,17 +173,25 @@ def make_line(item: LineItem) -> LineOutcome:
     if findings:
         return LineOutcome(0.0, tuple(replace(f, line=line.key) for f in findings))
     speech: Speech | None = None
+    spoken: Spoken | None = None
     try:
-        speech = registry.stage("read-speech")(line.audio)
-        assert speech is not None
-        alignment = _aligned(line, speech, context)
+        if context.speak and line.timings is None and not line.audio.exists():
+            spoken = _speak(line, context)
+            speech, alignment = spoken.speech, spoken.alignment
+        else:
+            speech = registry.stage("read-speech")(line.audio)
+            assert speech is not None
+            alignment = _aligned(line, speech, context)
         findings += [*speech.findings, *alignment.findings, *_animate(item, context, alignment)]
         if not any(finding.severity == Severity.ERROR for finding in findings):
             _save_alignment(context.output, line, alignment)
+            if spoken is not None:
+                registry.stage("write-speech")(spoken, speech_path(context.output, line))
     except InputError as error:
         findings.append(Finding.from_error(error))
     audio_s = speech.duration_s if speech else 0.0
-    return LineOutcome(audio_s, tuple(replace(f, line=line.key) for f in findings))
+    marked = tuple(replace(f, line=line.key) for f in findings)
+    return LineOutcome(audio_s, marked, spoken is not None)
 
 
 def _aligned(line: Line, speech: Speech, context: RunContext) -> Alignment:
@@ -194,9 +207,21 @@ def _aligned(line: Line, speech: Speech, context: RunContext) -> Alignment:
     return alignment
 
 
+def _speak(line: Line, context: RunContext) -> Spoken:
+    """The line as a program speaks it, until there is a recording."""
+    text: str = registry.stage("read-transcript")(line.transcript)
+    spoken: Spoken = registry.stage("speak")(text, language=line.language, source=line.transcript)
+    return spoken
+
+
 def alignment_path(output: Path, line: Line) -> Path:
     """Where a run puts a line's alignment."""
     return output / "alignments" / f"{line.key}.json"
+
+
+def speech_path(output: Path, line: Line) -> Path:
+    """Where a run puts what it spoke for a line without a recording."""
+    return output / "speech" / f"{line.key}.wav"
 
 
 def _save_alignment(output: Path, line: Line, alignment: Alignment) -> None:

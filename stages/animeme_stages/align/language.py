@@ -63,6 +63,7 @@ class Language:
         accents: espeak-ng voices whose pronunciations are offered too.
         reader: "chinese" or "japanese" where words and sounds need one, which is also its extra.
         sounds: the reader's units (kana, or initials and finals of pinyin) → IPA.
+        spellings: the reader's unit → one that espeak-ng reads with the same sounds.
         ipa: espeak-ng's own spelling of a phone → IPA.
         numerals: names of the numbers where num2words has none.
         respell: mends num2words' spelling, part by part.
@@ -97,6 +98,7 @@ class Language:
     accents: tuple[str, ...] = ()
     reader: str = ""
     sounds: Mapping[str, str] = field(default_factory=dict)
+    spellings: Mapping[str, str] = field(default_factory=dict)
     ipa: Mapping[str, str] = field(default_factory=dict)
     numerals: Numerals | None = None
     respell: Mapping[str, str] = field(default_factory=dict)

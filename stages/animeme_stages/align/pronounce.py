@@ -9,7 +9,7 @@ from functools import cache, lru_cache
 
 from animeme.errors import InputError
 from animeme.phones import ARPABET_TO_IPA
-from animeme_stages.align.espeak import espeak
+from animeme_stages.align.espeak import espeak, plain_symbol
 from animeme_stages.align.language import Language, acoustic_phones
 from animeme_stages.align.lexicon import Lexicon
 from animeme_stages.align.readers import holds_script
@@ -134,6 +134,17 @@ def _guess(word: str, language: Language) -> tuple[Pronunciation, ...]:
     spoken = [espeak().pronounce(word, voice) for voice in (language.voice, *language.accents)]
     clean = [tuple(language.ipa.get(ipa, ipa) for ipa in phones) for phones in spoken]
     return tuple(dict.fromkeys(_ipa(phones, word, language) for phones in clean if phones))
+
+
+def espeak_phones(symbol: str, language: Language) -> tuple[str, ...]:
+    """A phone of espeak-ng's in the language's inventory: none for a mark, several where needed.
+
+    Raises:
+        InputError: it has no counterpart in the acoustic model.
+    """
+    plain = plain_symbol(symbol)
+    ipa = language.ipa.get(plain, plain)
+    return tuple(name for name, _ in _ipa((ipa,) if ipa else (), symbol, language))
 
 
 def _arpabet(phones: Sequence[str], language: Language) -> Pronunciation:

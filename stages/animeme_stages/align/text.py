@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 from animeme_stages.align import numerals
@@ -24,13 +24,15 @@ _BLANK = "[ \u00a0\u202f]"
 class Token:
     """A word to pronounce, lower case, and the characters [start, end) it was read from.
 
-    `phones` is its pronunciation in IPA where the language's reader gave one.
+    `phones` is its pronunciation in IPA where the language's reader gave one, and `spelling` what
+    espeak-ng reads so.
     """
 
     text: str
     start: int
     end: int
     phones: tuple[str, ...] = ()
+    spelling: str = field(default="", compare=False)
 
 
 def tokens(text: str, language: Language) -> list[Token]:
@@ -46,7 +48,7 @@ def tokens(text: str, language: Language) -> list[Token]:
     Raises:
         InputError: the language needs a reader whose extra is not installed.
     """
-    plain = _TAG.sub(lambda match: " " * len(match[0]), _plain(text, language))
+    plain = without_tags(_plain(text, language))
     found: list[Token] = []
     for match in _pattern(language).finditer(plain):
         spoken = " ".join(numerals.spoken(match, language))
@@ -55,6 +57,11 @@ def tokens(text: str, language: Language) -> list[Token]:
         else:
             found += [Token(w, match.start(), match.end()) for w in _words(spoken, language)]
     return found
+
+
+def without_tags(text: str) -> str:
+    """`text` with blanks in place of tags, so that positions stay."""
+    return _TAG.sub(lambda match: " " * len(match[0]), text)
 
 
 def tags(text: str) -> list[tuple[str, int]]:
@@ -102,7 +109,7 @@ def _read(spoken: str, match: re.Match[str], language: Language) -> Iterator[Tok
         place = (start, end) if in_place else (match.start(), match.end())
         start = end
         for word in _words(piece.surface, language):
-            yield Token(word, *place, piece.phones)
+            yield Token(word, *place, piece.phones, piece.spelling)
 
 
 def _pieces(spoken: str, language: Language) -> Iterable[Piece]:

@@ -46,13 +46,18 @@ def read_speech(path: Path) -> Speech:
         channel = 0
     mono = samples[:, channel]
     _require_voice(path, mono, duration_s)
-    if rate_hz != SPEECH_RATE_HZ:
-        mono = soxr.resample(mono, rate_hz, SPEECH_RATE_HZ)
     if rate_hz < SPEECH_RATE_HZ:
         message = f"recorded at {rate_hz} Hz: consonants are harder to place"
         findings.append(Finding(Severity.INFO, "audio-narrowband", message, place=str(path)))
-    pcm = np.clip(np.round(mono * 32768.0), -32768, 32767).astype(np.int16)
+    pcm = speech_samples(mono, rate_hz)
     return Speech(path, pcm, SPEECH_RATE_HZ, duration_s, tuple(findings))
+
+
+def speech_samples(mono: NDArray[np.float32], rate_hz: int) -> NDArray[np.int16]:
+    """One channel, full scale 1, as aligners take it: int16 at `SPEECH_RATE_HZ`."""
+    if rate_hz != SPEECH_RATE_HZ:
+        mono = soxr.resample(mono, rate_hz, SPEECH_RATE_HZ)
+    return np.clip(np.round(mono * 32768.0), -32768, 32767).astype(np.int16)
 
 
 def _decode(path: Path) -> tuple[NDArray[np.float32], int]:
@@ -62,7 +67,7 @@ def _decode(path: Path) -> tuple[NDArray[np.float32], int]:
             "audio-missing",
             "there is no such recording",
             place=str(path),
-            action="Deliver it, or take the line out of the folder.",
+            action="Deliver it, take the line out of the folder, or run the job with --speak.",
         )
     if path.stat().st_size == 0:
         raise _empty(path)
