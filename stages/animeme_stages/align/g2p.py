@@ -3,8 +3,8 @@
 A joint-sequence model (Bisani & Ney 2008, "Joint-sequence models for grapheme-to-phoneme
 conversion"): each letter says no phone, one or two; words are sequences of such pairs, and an
 n-gram model over pairs, interpolated with absolute discounting, says which are likely. It learns
-from the CMU dictionary that comes with PocketSphinx, on first use, in about two seconds: there is
-no data file, and nothing is downloaded. What it gets right is in ``docs/alignment.md``.
+from the CMU dictionary that comes with PocketSphinx, on first use, in two to four seconds: there
+is no data file, and nothing is downloaded. What it gets right is in ``docs/alignment.md``.
 """
 
 from __future__ import annotations
@@ -280,6 +280,10 @@ def _edged(pairs: _Ints, owner: _Ints) -> tuple[_Ints, _Ints]:
     return sequence, index - starts
 
 
+_Grams = tuple[_Ints, _Hashes, _Hashes]
+"""Where n-grams of one length end, their hashes, and those of what precedes their last pair."""
+
+
 def _orders(sequence: _Ints, places: _Ints, values: _Hashes) -> tuple[_Order, ...]:
     """Counts of all n-grams within words; of shorter ones, how many different pairs precede them.
 
@@ -288,27 +292,35 @@ def _orders(sequence: _Ints, places: _Ints, values: _Hashes) -> tuple[_Order, ..
     made: list[_Order] = []
     hashes = values[sequence]
     context = np.zeros_like(hashes)
-    grams: list[tuple[_Ints, _Hashes, _Hashes]] = []
+    held: _Grams | None = None
     for size in range(_ORDER):
-        at = np.flatnonzero(places > size - (size > 0))
-        at = at[places[at] >= max(size, 1)]
-        grams.append((at, hashes[at], context[at]))
+        at = np.flatnonzero(places >= max(size, 1))
+        grams = (at, hashes[at], context[at])
+        if held is not None:
+            made.append(_order(*_continued(held, grams, places, size - 1)))
+        held = grams
         context = np.concatenate([[np.uint64(0)], hashes[:-1]])
         hashes = context * _STEP + values[sequence]
-    for size, (at, keys, before) in enumerate(grams):
-        if size + 1 < _ORDER:
-            longer_at, longer, _ = grams[size + 1]
-            _, first = np.unique(longer, return_index=True)
-            opening = at[places[at] == size] if size else at[:0]
-            counted = np.concatenate([longer_at[first], opening])
-            chosen = np.searchsorted(at, counted)
-            keys, before = keys[chosen], before[chosen]
-        unique, first, counts = np.unique(keys, return_index=True, return_counts=True)
-        contexts, kind_of = np.unique(before[first], return_inverse=True)
-        totals = np.bincount(kind_of, counts).astype(np.float64)
-        kinds = np.bincount(kind_of).astype(np.float64)
-        made.append(_Order(unique, counts.astype(np.float64), contexts, totals, kinds))
+    assert held is not None
+    made.append(_order(held[1], held[2]))
     return tuple(made)
+
+
+def _continued(grams: _Grams, longer: _Grams, places: _Ints, size: int) -> tuple[_Hashes, _Hashes]:
+    """N-grams once for each different pair before them; those that open a word as they are."""
+    at, keys, before = grams
+    _, first = np.unique(longer[1], return_index=True)
+    opening = at[places[at] == size] if size else at[:0]
+    chosen = np.searchsorted(at, np.concatenate([longer[0][first], opening]))
+    return keys[chosen], before[chosen]
+
+
+def _order(keys: _Hashes, before: _Hashes) -> _Order:
+    unique, first, counts = np.unique(keys, return_index=True, return_counts=True)
+    contexts, kind_of = np.unique(before[first], return_inverse=True)
+    totals = np.bincount(kind_of, counts).astype(np.float64)
+    kinds = np.bincount(kind_of).astype(np.float64)
+    return _Order(unique, counts.astype(np.float64), contexts, totals, kinds)
 
 
 def _hashes(count: int) -> _Hashes:

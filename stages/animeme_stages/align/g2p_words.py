@@ -59,7 +59,7 @@ class EnglishWords:
             One or two; () if the word has letters that English does not, or is none.
         """
         plain = _plain(word)
-        if len(plain) > _LONGEST_WORD or not _SPELLABLE.match(plain) or not plain.strip("'"):
+        if not can_spell(word):
             return ()
         genitive = re.fullmatch(r"(.+?)(?:'s|(?<=s)')", plain)
         if genitive:
@@ -87,6 +87,12 @@ class EnglishWords:
             if said and len(word) > _SHORTEST_PLURAL and (ending == "s" or hissing):
                 return _with_s(said)
         return ()
+
+
+def can_spell(word: str) -> bool:
+    """Whether a word is written in letters of English, accents aside."""
+    plain = _plain(word)
+    return len(plain) <= _LONGEST_WORD and bool(_SPELLABLE.match(plain) and plain.strip("'"))
 
 
 def is_initialism(word: str) -> bool:

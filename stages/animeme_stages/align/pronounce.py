@@ -10,7 +10,7 @@ from functools import cache, lru_cache
 from animeme.errors import InputError
 from animeme.phones import ARPABET_TO_IPA
 from animeme_stages.align.espeak import espeak, plain_symbol
-from animeme_stages.align.g2p_words import english_words
+from animeme_stages.align.g2p_words import can_spell, english_words
 from animeme_stages.align.language import Language, acoustic_phones
 from animeme_stages.align.lexicon import Lexicon
 from animeme_stages.align.readers import holds_script
@@ -116,7 +116,7 @@ def proposer(token: Token, language: Language) -> str:
     """What `guess` asks about a word: its reader, the analogy with English words, or espeak-ng."""
     if token.phones:
         return "reader"
-    by_analogy = language.inventory == "arpabet" and english_words().pronounce(token.text)
+    by_analogy = language.inventory == "arpabet" and can_spell(token.text)
     return "analogy" if by_analogy else "espeak"
 
 
