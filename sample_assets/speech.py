@@ -70,7 +70,7 @@ def build_dialogue(folder: Path) -> list[Path]:
 
 def _spoken(text: str, voice: str) -> np.ndarray[tuple[int], np.dtype[np.int16]]:
     """Speech with room around it, int16 at `RATE_HZ`."""
-    voiced = espeak().speak(text, voice).astype(np.float64) / 32768.0
+    voiced = espeak().speak([text], voice, afresh=False)[0].samples.astype(np.float64) / 32768.0
     heard = np.flatnonzero(np.abs(voiced) > 1e-3)
     voiced = soxr.resample(voiced[heard[0] : heard[-1] + 1], espeak().rate_hz, RATE_HZ)
     voiced *= PEAK / np.abs(voiced).max()

@@ -211,6 +211,7 @@ def test_a_minimal_job_gets_every_default(tmp_path: Path) -> None:
         source=path,
         output=tmp_path / "out",
         dialogue_root=tmp_path / "dialogue",
+        speak=False,
         aligner="pocketsphinx",
         lexicon=None,
         model="cohen-massaro",
@@ -295,7 +296,7 @@ PROBLEMS: dict[str, tuple[str, str, str, str]] = {
         "characters.ada.rigg",
         "Did you mean 'rig'?",
     ),
-    "far off": ('root = "', 'xyzzy = 1\nroot = "', "dialogue.xyzzy", "Known: root."),
+    "far off": ('root = "', 'xyzzy = 1\nroot = "', "dialogue.xyzzy", "Known: root, speak."),
     "no folder": ('"dialogue"', '"dialog"', "dialogue.root", "Paths start at the job file."),
     "no asset": ('"ada.glb"', '"eva.glb"', "characters.ada.asset", "Paths start at the job file."),
     "unknown format": (

@@ -146,10 +146,10 @@ def without_espeak(monkeypatch: pytest.MonkeyPatch) -> None:
     pronounce_module._guess.cache_clear()
 
 
-def test_english_without_espeak_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_english_in_other_letters_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     without_espeak(monkeypatch)
-    with pytest.raises(InputError, match="zorblax") as caught:
-        spoken("Zorblax", "en")
+    with pytest.raises(InputError, match="привет") as caught:
+        spoken("Привет", "en")
     assert caught.value.code == "word-unknown"
     assert "animeme[espeak]" in caught.value.action
 
@@ -188,7 +188,8 @@ def test_the_command_lists_what_is_unknown(
         ("en", "glimmerfen", 1, ["en/a"]),
     ]
     assert all(word["pronunciations"] for word in document["unknown"])
-    assert {word["source"] for word in document["unknown"]} == {"espeak"}
+    sources = {(word["language"], word["source"]) for word in document["unknown"]}
+    assert sources == {("de", "espeak"), ("en", "analogy")}
     text = output.read_text(encoding="utf-8")
     assert ";;; [de]" in text
     assert ";;; 3× en/a, en/ada/b\nzorblax  Z " in text

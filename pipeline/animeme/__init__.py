@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from animeme.api import align, align_folder, load_character, load_model, run
+    from animeme.api import align, align_folder, load_character, load_model, run, speak
     from animeme.errors import AnimemeError, InputError, JobError, PluginError
 
 # Loaded when first used, so that `import animeme` and `animeme --help` are quick.
@@ -21,6 +21,7 @@ _HOMES = {
     "load_character": "animeme.api",
     "load_model": "animeme.api",
     "run": "animeme.api",
+    "speak": "animeme.api",
     "AnimemeError": "animeme.errors",
     "InputError": "animeme.errors",
     "JobError": "animeme.errors",
@@ -37,6 +38,7 @@ __all__ = [
     "load_character",
     "load_model",
     "run",
+    "speak",
 ]
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 
 from animeme import registry
 from animeme.aligning import AlignReport, align_lines
-from animeme.contracts import Alignment, Model
+from animeme.contracts import Alignment, Model, Spoken
 from animeme.executors import Executor
 from animeme.executors.inline import InlineExecutor
 from animeme.executors.local import LocalExecutor, default_workers
@@ -26,6 +26,7 @@ def run(
     executor: Literal["inline", "local"] = "inline",
     workers: int | None = None,
     fail_on: str = "error",
+    speak: bool = False,
     listener: Listener = lambda _: None,
 ) -> RunReport:
     """Run a job file: characters and dialogue in, animated assets out.
@@ -37,6 +38,7 @@ def run(
             script then needs an ``if __name__ == "__main__":`` guard).
         workers: how many processes, all processors if None.
         fail_on: severity at which `RunReport.exit_code` turns 1.
+        speak: speak transcripts that have no recording, as the job's ``[dialogue] speak`` does.
         listener: told of progress.
 
     Returns:
@@ -58,6 +60,8 @@ def run(
     folder = Path(output) if output is not None else None
     severity = Severity.parse(fail_on)
     checked = read_job(Path(job), output=folder)
+    if speak:
+        checked = replace(checked, speak=True)
     if executor == "inline":
         return run_job(checked, InlineExecutor(), fail_on=severity, listener=listener)
     with LocalExecutor(workers or default_workers()) as pool:
@@ -185,6 +189,46 @@ def align_folder(
         return work(InlineExecutor())
     with LocalExecutor(workers or default_workers()) as pool:
         return work(pool)
+
+
+def speak(
+    text: str,
+    *,
+    language: str = "en",
+    words_per_minute: int = 160,
+    output: str | Path | None = None,
+) -> Spoken:
+    """Speak a transcript with espeak-ng, for prototypes without a recording.
+
+    The same arguments give the same bytes.
+
+    Args:
+        text: the transcript.
+        language: BCP-47 tag.
+        words_per_minute: pace, 80 to 450.
+        output: a WAV file to write it to.
+
+    Returns:
+        What is heard, and its words and phones with exact times.
+
+    Raises:
+        InputError: nothing in it can be spoken, an extra is not installed, or the file cannot be
+            written.
+        ValueError: nobody speaks at that pace.
+
+    Example (with the extra ``espeak``):
+        >>> import animeme
+        >>> spoken = animeme.speak("Ich habe 3 Hunde.", language="de")  # doctest: +SKIP
+        >>> [word.text for word in spoken.alignment.track.words]  # doctest: +SKIP
+        ['ich', 'habe', 'drei', 'hunde']
+    """
+    target = Path(output) if output is not None else Path("speech.wav")
+    spoken: Spoken = registry.stage("speak")(
+        text, language=language, words_per_minute=words_per_minute, source=target
+    )
+    if output is not None:
+        registry.stage("write-speech")(spoken, target)
+    return spoken
 
 
 def load_model(name_or_file: str | Path) -> Model:

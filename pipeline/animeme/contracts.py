@@ -72,6 +72,23 @@ class Alignment:
     score: float | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Spoken:
+    """A transcript that a program has spoken: what is heard, and when.
+
+    Attributes:
+        samples: mono, int16, shape (S,), as the voice made them.
+        rate_hz: sampling rate of `samples`.
+        speech: the same, ready for an aligner.
+        alignment: its words and phones, from the voice itself.
+    """
+
+    samples: NDArray[np.int16]
+    rate_hz: int
+    speech: Speech
+    alignment: Alignment
+
+
 class Aligner(Protocol):
     """Finds when each phone of a transcript is spoken.
 

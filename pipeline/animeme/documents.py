@@ -53,6 +53,9 @@ class DialogueSection(Document):
         description="Folder of <language>/[character/]<line>.<audio> with .txt or .lab beside, "
         "relative to the job file."
     )
+    speak: bool = Field(
+        False, strict=True, description="Let espeak-ng speak transcripts without a recording."
+    )
 
 
 class AlignSection(Document):

@@ -43,6 +43,7 @@ class Job:
         source: the job file.
         output: output folder.
         dialogue_root: folder of the recordings.
+        speak: speak transcripts that have no recording.
         aligner: name of the aligner.
         lexicon: pronunciations of the user's, or None.
         model: name of the model, used if there is no `model_file`.
@@ -56,6 +57,7 @@ class Job:
     source: Path
     output: Path
     dialogue_root: Path
+    speak: bool
     aligner: str
     lexicon: Path | None
     model: str
@@ -114,6 +116,7 @@ def _job(document: JobDocument, path: Path, output: Path | None) -> Job:
         source=path,
         output=output or folder / document.job.output,
         dialogue_root=folder / document.dialogue.root,
+        speak=document.dialogue.speak,
         aligner=document.align.aligner,
         lexicon=folder / document.align.lexicon if document.align.lexicon else None,
         model=document.model.name,

@@ -20,6 +20,7 @@ from animeme.tasks import (
     LineItem,
     LineOutcome,
     alignment_path,
+    speech_path,
 )
 
 
@@ -31,6 +32,7 @@ class Ledger:
         plan: what is being done.
         log: ``run.jsonl``, flushed with every event.
         audio_s: number of each line that was read → its length in seconds.
+        spoken: numbers of the lines that were spoken for want of a recording.
         findings: number of each line → its findings.
         general: findings that concern no single line.
         outputs: number of each line, character → files that hold it.
@@ -40,6 +42,7 @@ class Ledger:
     plan: Plan
     log: TextIO
     audio_s: dict[int, float] = field(default_factory=dict)
+    spoken: set[int] = field(default_factory=set)
     findings: dict[int, list[Finding]] = field(default_factory=lambda: defaultdict(list))
     general: list[Finding] = field(default_factory=list)
     outputs: dict[tuple[int, str], set[Path]] = field(default_factory=lambda: defaultdict(set))
@@ -61,6 +64,7 @@ class Ledger:
             self._add(item.number, [replace(fault, line=item.line.key)])
         else:
             self.audio_s[item.number] = outcome.audio_s
+            self.spoken |= {item.number} if outcome.spoken else set()
             self._add(item.number, outcome.findings)
         status = status_of(self.findings[item.number])
         self.record("line", line=item.line.key, status=status, **_effort(result))
@@ -109,7 +113,11 @@ class Ledger:
             for number, length_s in self.audio_s.items()
             if length_s and number not in self._failed
         }
-        return self.written | aligned
+        spoken = {
+            speech_path(self.plan.job.output, self.plan.lines[number])
+            for number in self.spoken - self._failed
+        }
+        return self.written | aligned | spoken
 
     @property
     def failed(self) -> int:

@@ -12,7 +12,7 @@ from animeme import registry
 from animeme.contracts import Format
 from animeme.dialogue import Line
 from animeme.job import Job, Layout
-from animeme.tasks import AssemblyItem, AssetItem, LineItem, Target, alignment_path
+from animeme.tasks import AssemblyItem, AssetItem, LineItem, Target, alignment_path, speech_path
 
 REPORT_NAMES = ("report.json", "summary.md", "run.jsonl")
 
@@ -110,8 +110,10 @@ class Plan:
             yield from (folder / name for folder in sorted(folders) for name in beside)
 
     def possible_files(self) -> Iterator[Path]:
-        """Every asset and alignment that the run may write, without what comes along with them."""
-        yield from (alignment_path(self.job.output, line) for line in self.lines)
+        """Every asset, alignment and speech that the run may write, and not what comes along."""
+        for line in self.lines:
+            yield alignment_path(self.job.output, line)
+            yield speech_path(self.job.output, line)
         for target in self.targets:
             yield from dict.fromkeys(self._file(target, line) for line in self._lines_of(target))
             path = self.assembly_path(target)

@@ -122,6 +122,7 @@ def _save_context(plan: Plan, spool: Path) -> None:
         job.rate_hz,
         job.max_error,
         job.output,
+        job.speak,
     )
     save_context(context, spool)
 

@@ -24,6 +24,7 @@ from animeme.contracts import (
     LineSubject,
     Model,
     Speech,
+    Spoken,
 )
 from animeme.curves import CurveSet, reduce_keys
 from animeme.dialogue import Line
@@ -61,6 +62,7 @@ class RunContext:
         model_file: model document.
         rate_hz, max_error: of the curves.
         output: the run's output folder.
+        speak: speak transcripts that have no recording.
     """
 
     targets: tuple[Target, ...]
@@ -71,6 +73,7 @@ class RunContext:
     rate_hz: float
     max_error: float
     output: Path
+    speak: bool
 
 
 @dataclass(frozen=True)
@@ -98,11 +101,13 @@ class LineOutcome:
         audio_s: length of the recording, 0 if it could not be read.
         findings: those of the line itself have no character; the others name theirs.
         score: the aligner's confidence, 0 to 1, or None.
+        spoken: there is no recording, the line was spoken.
     """
 
     audio_s: float
     findings: tuple[Finding, ...]
     score: float | None = None
+    spoken: bool = False
 
 
 @dataclass(frozen=True)
@@ -191,16 +196,20 @@ def make_line(item: LineItem) -> LineOutcome:
     def animate(alignment: Alignment) -> Iterator[Finding]:
         yield from _animate(item, context, alignment)
 
-    def save(alignment: Alignment) -> None:
+    def save(alignment: Alignment, spoken: Spoken | None) -> None:
         _save_alignment(context.output, item.line, alignment)
+        if spoken is not None:
+            registry.stage("write-speech")(spoken, speech_path(context.output, item.line))
 
-    return _timed_line(item.line, context.aligner, context.lexicon, animate, save)
+    return _timed_line(
+        item.line, context.aligner, context.lexicon, animate, save, speak=context.speak
+    )
 
 
 def align_line(item: AlignItem) -> LineOutcome:
     """Ingest and align one line, and write its timings."""
 
-    def save(alignment: Alignment) -> None:
+    def save(alignment: Alignment, _: Spoken | None) -> None:
         if item.output is not None:
             registry.stage("write-timings")(alignment.track, item.output, item.format)
 
@@ -212,33 +221,46 @@ def _timed_line(
     aligner: str,
     lexicon: Path | None,
     use: Callable[[Alignment], Iterable[Finding]],
-    save: Callable[[Alignment], None],
+    save: Callable[[Alignment, Spoken | None], None],
+    *,
+    speak: bool = False,
 ) -> LineOutcome:
-    """Ingest and align one line, `use` its alignment, and `save` it if nothing is wrong."""
+    """Ingest and align one line, `use` its alignment, and `save` it if nothing is wrong.
+
+    With `speak`, a line without a recording is spoken.
+    """
     findings = list(line.findings)
     if findings:
         return LineOutcome(0.0, tuple(replace(f, line=line.key) for f in findings))
     speech: Speech | None = None
     alignment: Alignment | None = None
+    spoken: Spoken | None = None
     try:
-        speech = registry.stage("read-speech")(line.audio)
-        assert speech is not None
-        alignment = align_speech(
-            speech,
-            _transcript(line),
-            line.timings,
-            language=line.language,
-            aligner=aligner,
-            lexicon=lexicon,
-        )
+        if speak and line.timings is None and not line.audio.exists():
+            spoken = _speak(line)
+            speech, alignment = spoken.speech, spoken.alignment
+        else:
+            speech = registry.stage("read-speech")(line.audio)
+            assert speech is not None
+            alignment = align_speech(
+                speech,
+                _transcript(line),
+                line.timings,
+                language=line.language,
+                aligner=aligner,
+                lexicon=lexicon,
+            )
         findings += [*speech.findings, *alignment.findings, *use(alignment)]
         if not any(finding.severity == Severity.ERROR for finding in findings):
-            save(alignment)
+            save(alignment, spoken)
     except InputError as error:
         findings.append(Finding.from_error(error))
-    audio_s = speech.duration_s if speech else 0.0
-    score = alignment.score if alignment else None
-    return LineOutcome(audio_s, tuple(replace(f, line=line.key) for f in findings), score)
+    return LineOutcome(
+        speech.duration_s if speech else 0.0,
+        tuple(replace(f, line=line.key) for f in findings),
+        alignment.score if alignment else None,
+        spoken is not None,
+    )
 
 
 def _transcript(line: Line) -> Callable[[], str] | None:
@@ -284,9 +306,21 @@ def align_speech(
     return alignment
 
 
+def _speak(line: Line) -> Spoken:
+    """The line as a program speaks it, until there is a recording."""
+    text: str = registry.stage("read-transcript")(line.transcript)
+    spoken: Spoken = registry.stage("speak")(text, language=line.language, source=line.transcript)
+    return spoken
+
+
 def alignment_path(output: Path, line: Line) -> Path:
     """Where a run puts a line's alignment."""
     return output / "alignments" / f"{line.key}.json"
+
+
+def speech_path(output: Path, line: Line) -> Path:
+    """Where a run puts what it spoke for a line without a recording."""
+    return output / "speech" / f"{line.key}.wav"
 
 
 def _save_alignment(output: Path, line: Line, alignment: Alignment) -> None:

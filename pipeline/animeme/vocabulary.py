@@ -22,7 +22,8 @@ class UnknownWord:
         count: how often it is said.
         lines: keys of the lines that it is in, each once, in order.
         pronunciations: proposals, each with a blank between phones; () if there is none.
-        source: what proposed them: "espeak", "reader", or "" for nothing.
+        source: what proposed them: "analogy" with English words that are known, "espeak",
+            "reader", or "" for nothing.
         inventory: of the proposals: "arpabet" or "ipa".
     """
 

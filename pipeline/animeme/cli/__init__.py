@@ -22,6 +22,7 @@ _COMMANDS = {
     "rig": "Say which rig profile fits an asset, or draft one.",
     "run": "Run a job: characters and dialogue in, animated assets out.",
     "schema": "Print the JSON Schema of a document.",
+    "speak": "Speak a transcript, with exact timings, until an actor has recorded it.",
 }
 
 EXIT_UNUSABLE = 2

@@ -35,14 +35,23 @@ from animeme.job import read_job
     show_default=True,
     help="Severity of a finding that makes the exit code 1.",
 )
+@click.option(
+    "--speak", is_flag=True, help="Let espeak-ng speak transcripts that have no recording."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON on stdout.")
 def command(
-    job: Path, output: Path | None, workers: int | None, executor: str, fail_on: str, as_json: bool
+    job: Path,
+    output: Path | None,
+    workers: int | None,
+    executor: str,
+    fail_on: str,
+    speak: bool,
+    as_json: bool,
 ) -> int:
     """Run JOB: align its dialogue, animate its characters, write and check the assets.
 
     The output folder gets <language>/<character>.glb (and .usdc), <character>.usda with a variant
-    per language, alignments/, report.json, summary.md and run.jsonl.
+    per language, alignments/, speech/ with what was spoken, report.json, summary.md and run.jsonl.
     """
     folder = output or read_job(job).output
     with progress("lines", "assets") as listener:
@@ -52,6 +61,7 @@ def command(
             executor="inline" if executor == "inline" else "local",
             workers=workers,
             fail_on=fail_on,
+            speak=speak,
             listener=listener,
         )
     summary = (folder / "summary.md").read_text(encoding="utf-8")

@@ -61,6 +61,7 @@ class Language:
         reader: "chinese" or "japanese" where words and sounds need one, which is also its extra.
         sounds: the reader's units (kana, or initials and finals of pinyin) → IPA.
         also: word → pronunciations beside the dictionary's, in ARPAbet.
+        spellings: the reader's unit → one that espeak-ng reads with the same sounds.
         ipa: espeak-ng's own spelling of a phone → IPA.
         numerals: names of the numbers where num2words has none.
         respell: mends num2words' spelling, part by part.
@@ -93,6 +94,7 @@ class Language:
     reader: str = ""
     sounds: Mapping[str, str] = field(default_factory=dict)
     also: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    spellings: Mapping[str, str] = field(default_factory=dict)
     ipa: Mapping[str, str] = field(default_factory=dict)
     numerals: Numerals | None = None
     respell: Mapping[str, str] = field(default_factory=dict)

@@ -9,7 +9,8 @@ from functools import cache, lru_cache
 
 from animeme.errors import InputError
 from animeme.phones import ARPABET_TO_IPA
-from animeme_stages.align.espeak import espeak
+from animeme_stages.align.espeak import espeak, plain_symbol
+from animeme_stages.align.g2p_words import can_spell, english_words
 from animeme_stages.align.language import Language, acoustic_phones
 from animeme_stages.align.lexicon import Lexicon
 from animeme_stages.align.readers import holds_script
@@ -111,6 +112,14 @@ def _from_lexicon(word: str, language: Language, lexicon: Lexicon) -> tuple[Pron
                  for p in found)  # fmt: skip
 
 
+def proposer(token: Token, language: Language) -> str:
+    """What `guess` asks about a word: its reader, the analogy with English words, or espeak-ng."""
+    if token.phones:
+        return "reader"
+    by_analogy = language.inventory == "arpabet" and can_spell(token.text)
+    return "analogy" if by_analogy else "espeak"
+
+
 def guess(token: Token, language: Language) -> tuple[Pronunciation, ...]:
     """Pronunciations of a word that no lexicon and no dictionary has; () if it has no sound.
 
@@ -131,9 +140,23 @@ def guess(token: Token, language: Language) -> tuple[Pronunciation, ...]:
 
 @lru_cache(maxsize=100_000)
 def _guess(word: str, language: Language) -> tuple[Pronunciation, ...]:
+    own = english_words().pronounce(word) if language.inventory == "arpabet" else ()
+    if own:  # nearer to the dictionary than espeak-ng (docs/alignment.md), and always there
+        return tuple(_arpabet(phones, language) for phones in own)
     spoken = [espeak().pronounce(word, voice) for voice in (language.voice, *language.accents)]
     clean = [tuple(language.ipa.get(ipa, ipa) for ipa in phones) for phones in spoken]
     return tuple(dict.fromkeys(_ipa(phones, word, language) for phones in clean if phones))
+
+
+def espeak_phones(symbol: str, language: Language) -> tuple[str, ...]:
+    """A phone of espeak-ng's in the language's inventory: none for a mark, several where needed.
+
+    Raises:
+        InputError: it has no counterpart in the acoustic model.
+    """
+    plain = plain_symbol(symbol)
+    ipa = language.ipa.get(plain, plain)
+    return tuple(name for name, _ in _ipa((ipa,) if ipa else (), symbol, language))
 
 
 def _arpabet(phones: Sequence[str], language: Language) -> Pronunciation:
@@ -166,8 +189,4 @@ def _ipa(phones: Sequence[str], word: str, language: Language) -> Pronunciation:
 @cache
 def dictionary() -> frozenset[str]:
     """Words of the CMU dictionary that comes with PocketSphinx, lower case."""
-    import pocketsphinx
-
-    path = f"{pocketsphinx.get_model_path('en-us')}/cmudict-en-us.dict"
-    with open(path, encoding="utf-8") as lines:
-        return frozenset(line.split(maxsplit=1)[0].split("(")[0] for line in lines if line.strip())
+    return frozenset(english_words().known)

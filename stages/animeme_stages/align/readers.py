@@ -22,10 +22,18 @@ _APICAL = ("zh", "ch", "sh", "r", "z", "c", "s")
 
 @dataclass(frozen=True)
 class Piece:
-    """A word of a run of text, and its phones in IPA; () where the reader has none."""
+    """A word of a run of text.
+
+    Attributes:
+        surface: as written.
+        phones: its sounds in IPA; () where the reader has none.
+        spelling: how espeak-ng reads it with these sounds (pinyin with tones, kana); "" where the
+            reader has none.
+    """
 
     surface: str
     phones: tuple[str, ...] = ()
+    spelling: str = ""
 
 
 Reader = Callable[[str], list[Piece]]
@@ -74,11 +82,15 @@ def _chinese(language: Language) -> Reader:
             found += f"{sounds.get(initial, '')} {sounds.get(known, '')}".split()
         return tuple(found)
 
+    def spelling(word: str) -> str:
+        toned = lazy_pinyin(word, style=Style.TONE3, errors="ignore", neutral_tone_with_five=True)
+        return "".join(language.spellings.get(s[:-1], s[:-1]) + s[-1] for s in toned)
+
     def read(run: str) -> list[Piece]:
         pieces: list[Piece] = []
         for part, is_han in _parted(run, _HAN):
             if is_han:
-                pieces += [Piece(word, phones(word)) for word in seg.cut(part)]
+                pieces += [Piece(word, phones(word), spelling(word)) for word in seg.cut(part)]
             else:
                 pieces.append(Piece(part))
         return pieces
@@ -94,7 +106,8 @@ def _japanese(language: Language) -> Reader:
         pieces: list[Piece] = []
         for token in tokenizer.tokenize(run):
             kana = token.surface if token.phonetic == "*" else token.phonetic
-            pieces.append(Piece(token.surface, kana_phones(kana, language)))
+            phones = kana_phones(kana, language)
+            pieces.append(Piece(token.surface, phones, kana if phones else ""))
         whole = "".join(piece.surface for piece in pieces)
         return pieces if whole == run else [Piece(run)]
 

@@ -15,7 +15,7 @@ from animeme_stages.align.anchors import joined
 from animeme_stages.align.interchange import read_timings
 from animeme_stages.align.language import Language, language
 from animeme_stages.align.lexicon import Lexicon, read_lexicon
-from animeme_stages.align.pronounce import dictionary, guess
+from animeme_stages.align.pronounce import dictionary, guess, proposer
 from animeme_stages.align.text import Token, tokens
 from animeme_stages.ingest.transcript import read_transcript
 
@@ -100,7 +100,7 @@ def _proposed(word: str, seen: _Seen, findings: list[Finding]) -> UnknownWord:
             findings.append(Finding.from_error(error, line=next(iter(seen.lines[word]))))
             continue
         said |= {" ".join(symbol for symbol, _ in phones): None for phones in pronunciations}
-        source = "reader" if token.phones else "espeak"
+        source = proposer(token, seen.language)
     return UnknownWord(
         word,
         seen.language.tag,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 from animeme_stages.align import numerals
@@ -23,13 +23,15 @@ _BLANK = "[ \u00a0\u202f]"
 class Token:
     """A word to pronounce, lower case, and the characters [start, end) it was read from.
 
-    `phones` is its pronunciation in IPA where the language's reader gave one.
+    `phones` is its pronunciation in IPA where the language's reader gave one, and `spelling` what
+    espeak-ng reads so.
     """
 
     text: str
     start: int
     end: int
     phones: tuple[str, ...] = ()
+    spelling: str = field(default="", compare=False)
 
 
 def tokens(text: str, language: Language) -> list[Token]:
@@ -86,7 +88,7 @@ def _read(spoken: str, match: re.Match[str], language: Language) -> Iterator[Tok
         place = (start, end) if in_place else (match.start(), match.end())
         start = end
         for word in _words(piece.surface, language):
-            yield Token(word, *place, piece.phones)
+            yield Token(word, *place, piece.phones, piece.spelling)
 
 
 def _pieces(spoken: str, language: Language) -> Iterable[Piece]:

@@ -56,15 +56,25 @@ def read_speech(path: Path) -> Speech:
         message = f"is off centre by {abs(middle):.0%} of full scale and was centred to be read"
         findings.append(Finding(Severity.INFO, "audio-dc-offset", message, place=str(path)))
     peak = _require_voice(path, mono)
-    speech = mono
-    if rate_hz != SPEECH_RATE_HZ:
-        speech = soxr.resample(mono, rate_hz, SPEECH_RATE_HZ)
+    speech = resampled(mono, rate_hz)
     if peak > 1.0:
         speech = speech / np.float32(peak)
     sound = measure(speech)
     findings += heard(mono, sound, rate_hz=rate_hz, coarse=decoded.coarse, path=path)
-    pcm = np.clip(np.round(speech * 32768.0), -32768, 32767).astype(np.int16)
-    return Speech(path, pcm, SPEECH_RATE_HZ, duration_s, tuple(findings))
+    return Speech(path, quantized(speech), SPEECH_RATE_HZ, duration_s, tuple(findings))
+
+
+def resampled(mono: NDArray[np.float32], rate_hz: int) -> NDArray[np.float32]:
+    """One channel at `SPEECH_RATE_HZ`."""
+    if rate_hz == SPEECH_RATE_HZ:
+        return mono
+    result: NDArray[np.float32] = soxr.resample(mono, rate_hz, SPEECH_RATE_HZ)
+    return result
+
+
+def quantized(samples: NDArray[np.float32]) -> NDArray[np.int16]:
+    """Samples of full scale 1 as 16-bit integers."""
+    return np.clip(np.round(samples * 32768.0), -32768, 32767).astype(np.int16)
 
 
 @dataclass(frozen=True)
@@ -83,7 +93,7 @@ def _decode(path: Path) -> _Decoded:
             "audio-missing",
             "there is no such recording",
             place=str(path),
-            action="Deliver it, or take the line out of the folder.",
+            action="Deliver it, take the line out of the folder, or run the job with --speak.",
         )
     if path.stat().st_size == 0:
         raise _empty(path)

@@ -23,7 +23,14 @@ def write(report: RunReport, output: Path) -> Path:
 def text(report: RunReport) -> str:
     """The summary as Markdown."""
     return "\n".join(
-        [f"# {report.job}", "", *_table(report), *_findings(report), *_outputs(report)]
+        [
+            f"# {report.job}",
+            "",
+            *_table(report),
+            *_unrecorded(report),
+            *_findings(report),
+            *_outputs(report),
+        ]
     )
 
 
@@ -42,6 +49,23 @@ def _table(report: RunReport) -> Iterator[str]:
 
 def _row(cells: list[object]) -> str:
     return f"| {' | '.join(str(cell) for cell in cells)} |"
+
+
+def _unrecorded(report: RunReport) -> Iterator[str]:
+    """Lines that must not ship as they are, although nothing is wrong with them."""
+    lines = dict.fromkeys(
+        line.line for line in report.lines for f in line.findings if f.code == "line-synthetic"
+    )
+    if not lines:
+        return
+    more = len(lines) - MOST_FINDINGS
+    named = ", ".join(f"`{line}`" for line in list(lines)[:MOST_FINDINGS])
+    yield "## Not recorded"
+    yield ""
+    yield f"A program spoke {len(lines)} of the lines, no actor: {named}" + (
+        f" and {more} more in `report.json`. `line-synthetic`" if more > 0 else ". `line-synthetic`"
+    )
+    yield ""
 
 
 def _findings(report: RunReport) -> Iterator[str]:
