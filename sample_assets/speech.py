@@ -33,7 +33,7 @@ LINES: dict[str, dict[str, str]] = {
     "moon": {
         "en": "Who knew the moon could look so cool?",
         "de": "Du suchst im Juni den großen Mond.",
-        "es": "La luna de julio es una nube azul.",
+        "es": "La luna de julio es una moneda azul.",
     },
     "five": {
         "en": "Five fine foxes live off the valley.",

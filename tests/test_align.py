@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from animeme.contracts import Alignment, Speech
+from animeme.contracts import Alignment, Anchor, Speech
 from animeme.errors import InputError
 from animeme.findings import Finding
 from animeme.phones import SILENCE, Phone, PhoneTrack
-from animeme_stages.align.aligner import LONGEST_PIECE_S, PocketSphinxAligner, _pieces
+from animeme_stages.align.acoustic.pieces import LONGEST
+from animeme_stages.align.aligner import FRAME_S, PocketSphinxAligner
 from animeme_stages.align.doubts import sound_in_pauses
 from animeme_stages.ingest.audio import read_speech
 from conftest import LANGUAGES, SAMPLE
@@ -79,34 +77,11 @@ def test_sound_between_words_is_measured() -> None:
     assert length_s > 1.0
 
 
-@given(
-    st.lists(st.tuples(st.booleans(), st.integers(1, 900)), min_size=1, max_size=60),
-    st.integers(0, 30),
-)
-@settings(deadline=None, derandomize=True, max_examples=300)
-def test_pieces_cover_the_recording_and_every_word_once(
-    entries: list[tuple[bool, int]], rest: int
-) -> None:
-    heard, at = [], 0
-    for number, (pause, length) in enumerate(entries):
-        heard.append(("<sil>" if pause else f"w{number}", at, at + length - 1))
-        at += length
-    words = sum(not pause for pause, _ in entries)
-    found = list(_pieces(heard, at + rest))
-    assert (found[0][0], found[-1][1]) == (0, at + rest)
-    assert (found[0][2], found[-1][3]) == (0, words)
-    for (_, end, _, last), (start, _, first, _) in pairwise(found):
-        assert (end, last) == (start, first)
-    for start, end, first, last in found:
-        assert start < end
-        assert first < last or len(found) == 1
-
-
 def test_a_long_recording_is_cut_at_pauses_and_aligned_alike() -> None:
     """Several times the longest piece; its words fall where they do when aligned one by one."""
     names = LINES * 4
     recording = joined(*(speech("en", name) for name in names))
-    assert recording.duration_s > 3 * LONGEST_PIECE_S
+    assert recording.duration_s > 3 * LONGEST * FRAME_S
     whole: Alignment = ALIGNER.align(
         recording, " ".join(text("en", name) for name in names), language="en"
     )
@@ -120,3 +95,68 @@ def test_a_long_recording_is_cut_at_pauses_and_aligned_alike() -> None:
     assert np.median(moved) < 0.01
     assert moved.max() < 0.15
     assert whole.track.duration_s == recording.duration_s
+
+
+def test_words_after_a_minute_of_silence_are_found() -> None:
+    boat, silence = speech("en", "boat"), Speech(Path("-"), np.zeros(960_000, np.int16), 16_000, 60)
+    recording = joined(silence, boat, silence)
+    found = ALIGNER.align(recording, text("en", "boat"), language="en")
+    alone = ALIGNER.align(boat, text("en", "boat"), language="en").track.words
+    moved = [w.start_s - 60 - own.start_s for w, own in zip(found.track.words, alone, strict=True)]
+    assert np.abs(moved).max() < 0.1
+    assert found.findings == ()
+
+
+@pytest.mark.parametrize("missing", [slice(0, 2), slice(2, 4), slice(-2, None)])
+def test_missing_words_are_noticed_where_they_are(missing: slice) -> None:
+    words = text("en", "boat").split()
+    del words[missing]
+    found = outcome(speech("en", "boat"), " ".join(words), "en")
+    assert {finding.code for finding in found} & {"align-untranscribed", "align-word-differs"}
+
+
+@pytest.mark.parametrize("at", [0, 2, 5])
+def test_a_word_that_nobody_says_is_named(at: int) -> None:
+    words = text("en", "boat").split()
+    words.insert(at, "rhinoceros")
+    found = outcome(speech("en", "boat"), " ".join(words), "en")
+    assert "'rhinoceros'" in found[0].message
+
+
+def test_the_score_is_a_confidence() -> None:
+    good = ALIGNER.align(speech("en", "boat"), text("en", "boat"), language="en")
+    bad = ALIGNER.align(speech("en", "boat"), "the " + text("en", "boat")[8:], language="en")
+    assert good.score is not None
+    assert bad.score is not None
+    assert good.score > 0.5 > bad.score
+    assert good.findings == ()
+    assert bad.findings
+
+
+def test_words_are_held_to_the_times_that_are_known() -> None:
+    recording = joined(speech("en", "five"), speech("en", "five"))
+    line = text("en", "five")
+    half_s = speech("en", "five").duration_s
+    alone = ALIGNER.align(speech("en", "five"), line, language="en").track.words
+    for offset_s in (0.0, half_s):
+        anchor = Anchor(0, len(line), offset_s, offset_s + half_s, 0.0)
+        track = ALIGNER.align(recording, line, language="en", anchors=[anchor]).track
+        for word, own in zip(track.words, alone, strict=True):
+            assert word.start_s - offset_s == pytest.approx(own.start_s, abs=0.05)
+
+
+def test_words_that_are_not_at_their_known_times_are_doubtful() -> None:
+    line = text("en", "boat")
+    end_s = speech("en", "boat").duration_s
+    word = line.split()[-1]
+    wrong = Anchor(len(line) - len(word), len(line), 0.0, 0.3, 0.0)
+    right = Anchor(0, len(line), 0.0, end_s, 0.0)
+    codes = [
+        {
+            f.code
+            for f in ALIGNER.align(speech("en", "boat"), line, language="en", anchors=[a]).findings
+        }
+        for a in (wrong, right)
+    ]
+    assert "align-anchor-missed" in codes[0]
+    assert codes[1] == set()

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from animeme.errors import InputError
-from animeme_stages.align.interchange import FORMATS, anchors, has_timings, read_timings, track_from
+from animeme_stages.align.interchange import FORMATS, anchors, kind_of, read_timings, track_from
 from support.timing_files import FOLDER, NAMES
 
 SEED = 17
@@ -84,7 +84,7 @@ def mutated(name: str, chance: random.Random) -> bytes:
 def use(path: Path, chance: random.Random) -> str:
     """What became of a file: "read", or the code of its refusal."""
     with suppress(InputError):
-        has_timings(path)
+        kind_of(path)
     try:
         timings = read_timings(path)
     except InputError as error:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from damage import PROMPT_LANGUAGES, Case, cases, grid_lines, prompt_lines
+from damage import MISMATCHED, PROMPT_LANGUAGES, Case, cases, grid_lines, prompt_lines
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
@@ -79,6 +79,7 @@ def _everything(jobs: int) -> dict[str, Found]:
         for language in PROMPT_LANGUAGES
         if language != "en"
         for case in cases(prompt_lines(language)[::2], SEED, EACH)
+        if (language, case.line.id) not in MISMATCHED
     ]
     with get_context("spawn").Pool(jobs) as pool:
         return {

@@ -23,6 +23,12 @@ _CEPSTRA = 13
 _LOW_HZ, _HIGH_HZ = 130.0, 6800.0
 _LIFTER = 22
 _PREEMPHASIS = 0.97
+# Added to the power before its logarithm, which digital silence has none of.
+_LOG_FLOOR = 1e-4
+
+# Half-way from this percentile of levels to the loudest is loud; frames this near it are active.
+_FLOOR_PERCENTILE = 20
+_NEAR = 50
 
 # Noise tracking: how slowly power, its floor upwards and its floor downwards follow; masking after
 # a peak; and the largest amplification or attenuation.
@@ -32,18 +38,45 @@ _MOST_GAIN = 20.0
 _SMOOTH = 4
 
 
-def features(samples: NDArray[np.int16]) -> tuple[Floats, Floats, Floats]:
+def levels_db(samples: NDArray[np.int16]) -> NDArray[np.float64]:
+    """Mean power of each window in dB, 0 for digital silence, (T,)."""
+    energy = np.concatenate([[0.0], np.cumsum(samples.astype(np.float64) ** 2)])
+    starts = np.arange(0, len(samples) - WINDOW + 1, HOP)
+    result: NDArray[np.float64] = 10 * np.log10(
+        (energy[starts + WINDOW] - energy[starts]) / WINDOW + 1.0
+    )
+    return result
+
+
+def active(level_db: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Frames in which something happens, or nearly; a minute of silence around a line is not.
+
+    Args:
+        level_db: of each frame, (T,).
+    """
+    middle_db = (np.percentile(level_db, _FLOOR_PERCENTILE) + level_db.max()) / 2
+    count = np.concatenate([[0], np.cumsum(level_db >= middle_db)])
+    frame = np.arange(len(level_db))
+    after = np.minimum(frame + _NEAR + 1, len(level_db))
+    result: NDArray[np.bool_] = count[after] > count[np.maximum(frame - _NEAR, 0)]
+    return result
+
+
+def features(
+    samples: NDArray[np.int16], counted: NDArray[np.bool_]
+) -> tuple[Floats, Floats, Floats]:
     """Cepstra, their first and second differences, each (T, 13); a frame is 10 ms.
 
     Args:
         samples: mono at 16 kHz, at least one window of 410.
+        counted: (T,) frames over which the recording's colour is measured, to be taken off.
     """
     signal = samples.astype(np.float64)
     signal = np.append(signal[0], signal[1:] - _PREEMPHASIS * signal[:-1])
     frames = np.lib.stride_tricks.sliding_window_view(signal, WINDOW)[::HOP] * _hamming()
     power = np.abs(np.fft.rfft(frames, _FFT)) ** 2 @ _mel_filters().T
-    cepstra = np.log(np.maximum(_without_noise(power), 1e-10)) @ _cosines().T
-    cepstra -= cepstra.mean(axis=0)
+    cepstra = np.log(_without_noise(power) + _LOG_FLOOR) @ _cosines().T
+    cepstra -= cepstra[counted].mean(axis=0)
     padded = np.pad(cepstra, ((3, 3), (0, 0)), mode="edge")
     count = len(cepstra)
     first = padded[5 : 5 + count] - padded[1 : 1 + count]

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from animeme_stages.align.acoustic.features import HOP, WINDOW, features
+from animeme_stages.align.acoustic.features import WINDOW, active, features, levels_db
 from animeme_stages.align.acoustic.model import STATES, AcousticModel
 from animeme_stages.align.acoustic.network import PAUSE, Network, Sounds, network
 from animeme_stages.align.acoustic.pieces import Piece, Score, pieces
@@ -19,7 +19,7 @@ from animeme_stages.align.acoustic.search import Scores, score, search
 Window = tuple[float, float]
 """Frames within which a word has to be."""
 
-# A frame this far below the recording's loud ones (their 95th percentile) holds no speech sound.
+# A frame this far below the recording's loud ones holds no speech sound.
 _QUIET_DB = 22.0
 _LOUD_PERCENTILE = 95
 # Nats per frame by which a word outside its window loses: more than any sound could gain.
@@ -88,9 +88,11 @@ def hear(
         UnsayableError: there are fewer frames than the words have states.
     """
     samples = np.pad(samples, (0, max(0, WINDOW - len(samples))))
-    streams = features(samples)
-    frames = len(streams[0])
-    quiet = _quiet(samples, frames)
+    level_db = levels_db(samples)
+    counted = active(level_db)
+    quiet = level_db < np.percentile(level_db[counted], _LOUD_PERCENTILE) - _QUIET_DB
+    streams = features(samples, counted)
+    frames = len(level_db)
 
     def scored(start: int, end: int, net: Network, first: int) -> Scores:
         part = (streams[0][start:end], streams[1][start:end], streams[2][start:end])
@@ -103,16 +105,6 @@ def hear(
         for piece in pieces(model, words, frames, scored)
     ]
     return _joined(parts)
-
-
-def _quiet(samples: NDArray[np.int16], frames: int) -> NDArray[np.bool_]:
-    """Frames too faint for a speech sound, (frames,)."""
-    energy = np.concatenate([[0.0], np.cumsum(samples.astype(np.float64) ** 2)])
-    starts = np.arange(frames) * HOP
-    level_db = 10 * np.log10((energy[starts + WINDOW] - energy[starts]) / WINDOW + 1.0)
-    loud_db = np.percentile(level_db, _LOUD_PERCENTILE)
-    result: NDArray[np.bool_] = level_db < loud_db - _QUIET_DB
-    return result
 
 
 def _require_windows(
