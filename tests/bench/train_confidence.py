@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import pickle
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,16 @@ from animeme_stages.align import confidence
 from animeme_stages.align.acoustic.hear import Heard, UnsayableError, hear
 from animeme_stages.align.acoustic.model import acoustic_model
 from animeme_stages.align.aligner import sounds_of, spoken_words
-from animeme_stages.align.confidence import Usual, calibration_from, measures, pooled, surplus
+from animeme_stages.align.confidence import (
+    FURTHEST,
+    NEVER_MET,
+    Table,
+    Usual,
+    calibration_from,
+    measures,
+    pooled,
+    surplus,
+)
 from animeme_stages.align.language import language as language_of
 from animeme_stages.ingest.audio import read_speech
 
@@ -42,7 +51,6 @@ SHARE = {"right": 1.0, "another": 0.1, "two removed": 0.2}
 SHARE_OF_OTHERS = 0.6
 # Right lines of training that may be above a language's threshold.
 FALSE_ALARMS = {"en": 0.008, "mapped": 0.02}
-NEVER_MET = -1
 
 
 def main() -> None:
@@ -131,13 +139,15 @@ def fit(family: str, found: Found) -> dict[str, Any]:
     """The calibration of a family, in its JSON form."""
     usual = usual_values([heard for _, kind, heard in found if kind == "right" and heard])
     lines = [(lang, kind, *measures(heard, usual)) for lang, kind, heard in found if heard]
-    words, gaps = np.vstack([line[2] for line in lines]), np.vstack([line[3] for line in lines])
+    words, gaps = _stacked([line[2] for line in lines]), _stacked([line[3] for line in lines])
     scales = [(table.mean(axis=0), table.std(axis=0) + 1e-6) for table in (words, gaps)]
-    weights = _fitted(lines, words, gaps, scales, PENALTY[family])
+    sizes = [len(line[2]["without"]) for line in lines]
+    kinds = [kind for _, kind, *_ in lines]
+    weights = _fitted(kinds, sizes, words, gaps, scales, PENALTY[family])
     data: dict[str, Any] = {
-        "usual": {str(phone): [*value.log_length, *value.gain] for phone, value in usual.items()},
-        "words": _table(scales[0], weights[0]),
-        "gaps": _table(scales[1], weights[1]),
+        "usual": {str(phone): [*value.log_length, *value.loss] for phone, value in usual.items()},
+        "words": _table(lines[0][2], scales[0], weights[0]),
+        "gaps": _table(lines[0][3], scales[1], weights[1]),
         "share": round(weights[2], 4),
         "thresholds": {"": 0.0},
     }
@@ -151,8 +161,13 @@ def fit(family: str, found: Found) -> dict[str, Any]:
     return data
 
 
+def _stacked(tables: Sequence[Table]) -> Doubles:
+    return np.vstack([np.column_stack(list(table.values())) for table in tables])
+
+
 def _fitted(
-    lines: Sequence[tuple[str, str, Doubles, Doubles]],
+    kind_of: Sequence[str],
+    sizes: Sequence[int],
     words: Doubles,
     gaps: Doubles,
     scales: Sequence[tuple[Doubles, Doubles]],
@@ -160,33 +175,35 @@ def _fitted(
 ) -> tuple[tuple[Doubles, float], tuple[Doubles, float], float]:
     """Weights and bias of words and of gaps, and the share of the mean of words."""
     standard = [
-        np.clip((table - mean) / deviation, -6, 6)
+        np.clip((table - mean) / deviation, -FURTHEST, FURTHEST)
         for table, (mean, deviation) in zip((words, gaps), scales, strict=True)
     ]
-    of_word = np.repeat(np.arange(len(lines)), [len(line[2]) for line in lines])
-    of_gap = np.repeat(np.arange(len(lines)), [len(line[3]) for line in lines])
-    kinds = np.array([kind for _, kind, *_ in lines])
+    count = np.array(sizes)
+    of_word, of_gap = (
+        np.repeat(np.arange(len(sizes)), count),
+        np.repeat(np.arange(len(sizes)), count + 1),
+    )
+    kinds = np.array(kind_of)
     wrong = (kinds != "right").astype(float)
-    counts = np.zeros(len(lines))
+    counts = np.zeros(len(sizes))
     for kind in set(kinds):
         counts[kinds == kind] = SHARE.get(kind, SHARE_OF_OTHERS / 2) / (kinds == kind).sum()
     width = words.shape[1]
-    sizes = np.bincount(of_word)
-    extra = np.array([surplus(len(line[2]) + len(line[3])) for line in lines])
+    extra = np.array([surplus(2 * size + 1) for size in sizes])
 
     def loss(free: Doubles) -> tuple[float, Doubles]:
         share = free[-1]
         by_word = standard[0] @ free[1 : 1 + width] + free[0]
         by_gap = standard[1] @ free[2 + width : -1] + free[1 + width]
-        highest = np.full(len(lines), -np.inf)
+        highest = np.full(len(sizes), -np.inf)
         np.maximum.at(highest, of_word, by_word)
         np.maximum.at(highest, of_gap, by_gap)
         word_part, gap_part = np.exp(by_word - highest[of_word]), np.exp(by_gap - highest[of_gap])
         total = np.bincount(of_word, word_part) + np.bincount(of_gap, gap_part)
-        mean = np.bincount(of_word, by_word) / sizes
+        mean = np.bincount(of_word, by_word) / count
         line = highest + np.log(total) - extra + share * mean
         slope = counts * (1 / (1 + np.exp(-line)) - wrong)
-        word_slope = slope[of_word] * (word_part / total[of_word] + share / sizes[of_word])
+        word_slope = slope[of_word] * (word_part / total[of_word] + share / count[of_word])
         gap_slope = slope[of_gap] * gap_part / total[of_gap]
         gradient = np.concatenate(
             [
@@ -212,10 +229,12 @@ def _fitted(
     )
 
 
-def _table(scale: tuple[Doubles, Doubles], weights: tuple[Doubles, float]) -> dict[str, Any]:
-    rows = zip(*scale, weights[0], strict=True)
+def _table(
+    names: Iterable[str], scale: tuple[Doubles, Doubles], weights: tuple[Doubles, float]
+) -> dict[str, Any]:
+    rows = zip(names, *scale, weights[0], strict=True)
     return {
-        "measures": [[round(float(value), 4) for value in row] for row in rows],
+        "measures": {name: [round(float(value), 4) for value in row] for name, *row in rows},
         "bias": round(float(weights[1]), 4),
     }
 

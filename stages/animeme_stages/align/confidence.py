@@ -19,12 +19,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from animeme_stages.align.acoustic.hear import Heard
+from animeme_stages.align.acoustic.hear import Heard, HeardWord
+from animeme_stages.align.acoustic.rivals import PRICES
 
 Doubles = NDArray[np.float64]
+Table = dict[str, Doubles]
+"""Measures by name, one value per place each."""
+
+NEVER_MET = -1
+"""Stands for a phone of which nothing is known."""
 
 # Standard scores further out than this are cut: a single broken measure must not decide.
-_FURTHEST = 6.0
+FURTHEST = 6.0
 # Places of a short line: six words, and the gaps around them.
 _PLACES = 13
 # Frames: a phone this short was squeezed in.
@@ -33,26 +39,34 @@ _SQUEEZED = (3, 4)
 
 @dataclass(frozen=True)
 class Usual:
-    """Mean and standard deviation of a phone's log length, and of its gain per frame."""
+    """Mean and standard deviation of a phone's log length in frames, and of its loss.
+
+    Its loss are the nats per frame by which the best path over any phones beats it.
+    """
 
     log_length: tuple[float, float]
-    gain: tuple[float, float]
+    loss: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """A linear score of standardised measures: (M,) each."""
+    """A linear score of standardised measures.
 
-    mean: Doubles
-    deviation: Doubles
-    weight: Doubles
+    Attributes:
+        rows: name of each measure → its mean, its standard deviation and its weight.
+        bias: the score where every measure is at its mean.
+    """
+
+    rows: Mapping[str, tuple[float, float, float]]
     bias: float
 
-    def __call__(self, measures: Doubles) -> Doubles:
-        """Scores of places, (N,), from their measures, (N, M)."""
-        standard = np.clip((measures - self.mean) / self.deviation, -_FURTHEST, _FURTHEST)
-        result: Doubles = standard @ self.weight + self.bias
-        return result
+    def __call__(self, measures: Table) -> Doubles:
+        """Scores of N places, (N,)."""
+        total = np.full(len(next(iter(measures.values()))), self.bias)
+        for name, (mean, deviation, weight) in self.rows.items():
+            standard = np.clip((measures[name] - mean) / deviation, -FURTHEST, FURTHEST)
+            total += weight * standard
+        return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +74,7 @@ class Calibration:
     """What was fitted for a family of languages.
 
     Attributes:
-        usual: by base phone of the model; -1 for one that was never met.
+        usual: by base phone of the model; `NEVER_MET` for the others.
         words, gaps: the scores.
         share: how much the mean of all words counts.
         thresholds: by language; "" for the others. A line above its own is in doubt.
@@ -154,103 +168,105 @@ def calibration_from(data: Mapping[str, Any]) -> Calibration:
 
 
 def _weights(data: Mapping[str, Any]) -> Weights:
-    table = np.array(data["measures"], np.float64)
-    return Weights(table[:, 0], table[:, 1], table[:, 2], float(data["bias"]))
+    rows = {name: (row[0], row[1], row[2]) for name, row in data["measures"].items()}
+    return Weights(rows, float(data["bias"]))
 
 
-def measures(heard: Heard, usual: Mapping[int, Usual]) -> tuple[Doubles, Doubles]:
-    """Measures of each word (W, 36) and of each gap (W + 1, 18)."""
-    own = np.array([_own_measures(word, usual) for word in heard.words])
-    fit = np.concatenate([_fits(word, usual) for word in heard.words])
-    line = float(np.median(fit))
+def measures(heard: Heard, usual: Mapping[int, Usual]) -> tuple[Table, Table]:
+    """Measures of each word and of each gap, by name: W and W + 1 values each.
+
+    Nats are better the lower; lengths and fits are standard scores of the phones' own usual ones,
+    a fit the worse the higher.
+    """
     found = heard.rivals
-    # Columns of `own`: frames, phones, and then the measures themselves.
-    frames, phones, rest = own[:, 0], own[:, 1], own[:, 2:]
-    without = found.without
-    words = np.column_stack(
-        [
-            _log(without),
-            np.clip(without / 30, -3, 3),
-            without / frames,
-            without / phones / 10,
-            _log(found.instead[:, [0, 1, 3, 5]]),
-            _log(found.instead_of_two[:, 3]),
-            found.instead[:, 3] / frames,
-            rest[:, :6],
-            rest[:, 2] - line,
-            rest[:, 6:],
-        ]
-    )
-    near = [
-        [at for at in (word - 1, word + 1) if 0 <= at < len(words)] for word in range(len(words))
-    ]
-    neighbours = np.array(
-        [_worst(words[at], (0, 12, 10), (18,)) if at else np.zeros(4) for at in near]
-    )
-    sides = _log(np.column_stack([found.between[:-1, 1], found.between[1:, 1]]))
-    all_words = np.column_stack(
-        [words, neighbours, np.full(len(words), line), sides, _linear(found.instead[:, 1:4])]
-    )
-    gaps = np.column_stack(
-        [
-            _log(found.between),
-            np.log1p(heard.pauses),
-            np.arange(len(words) + 1) == 0,
-            np.arange(len(words) + 1) == len(words),
-            [
-                words[[at for at in (gap - 1, gap) if 0 <= at < len(words)]][:, _BESIDE].max(axis=0)
-                for gap in range(len(words) + 1)
-            ],
-            np.full(len(words) + 1, line),
-            _linear(found.between[:, 1:4]),
-        ]
-    )
-    return all_words, gaps
+    own = _columns([_own_measures(word, usual) for word in heard.words])
+    fits = np.concatenate([_fit(word, usual) for word in heard.words])
+    line = np.full(len(heard.words), np.median(fits))
+    frames, phones = np.exp(own["log_frames"]), np.exp(own["log_phones"])
+    words: Table = {
+        "without": _log(found.without),
+        "without_linear": _linear(found.without),
+        "without_per_frame": found.without / frames,
+        "without_per_phone": found.without / phones / 10,
+        **{f"instead_{PRICES[at]}": _log(found.instead[:, at]) for at in (0, 1, 3, 5)},
+        **{f"instead_{PRICES[at]}_linear": _linear(found.instead[:, at]) for at in (1, 2, 3)},
+        "instead_per_frame": found.instead[:, 3] / frames,
+        "instead_of_two": _log(found.instead_of_two[:, 3]),
+        **own,
+        "fit_less_line": own["fit_mean"] - line,
+    }
+    near = [[at for at in (word - 1, word + 1) if 0 <= at < len(line)] for word in range(len(line))]
+    words |= {
+        "near_without": _worst(words["without"], near),
+        "near_fit": _worst(words["fit_mean"], near),
+        "near_loss": _worst(words["loss_per_frame"], near),
+        "near_shortness": _worst(-words["length_least"], near),
+        "line_fit": line,
+        "gap_before": _log(found.between[:-1, 1]),
+        "gap_after": _log(found.between[1:, 1]),
+    }
+    gap_count = len(line) + 1
+    place = np.arange(gap_count)
+    beside = [[at for at in (gap - 1, gap) if 0 <= at < len(line)] for gap in range(gap_count)]
+    gaps: Table = {
+        **{f"between_{price}": _log(found.between[:, at]) for at, price in enumerate(PRICES)},
+        **{f"between_{PRICES[at]}_linear": _linear(found.between[:, at]) for at in (1, 2, 3)},
+        "pause": np.log1p(heard.pauses),
+        "at_start": (place == 0).astype(np.float64),
+        "at_end": (place == len(line)).astype(np.float64),
+        **{f"beside_{name}": _worst(words[name], beside) for name in _BESIDE},
+        "line_fit": np.append(line, line[-1]),
+    }
+    return words, gaps
 
 
 # Measures of the words beside a gap that count for it.
-_BESIDE = [10, 12, 19, 0, 6]
+_BESIDE = ("loss_per_frame", "fit_mean", "length_most", "without", "instead_2.0")
 
 
-def _worst(rows: Doubles, highest: Sequence[int], lowest: Sequence[int]) -> Doubles:
-    """The worst of several words' measures."""
-    a, b, c = (rows[:, column].max() for column in highest)
-    (d,) = (rows[:, column].min() for column in lowest)
-    return np.array([a, b, d, c])
-
-
-def _own_measures(word: Any, usual: Mapping[int, Usual]) -> list[float]:
+def _own_measures(word: HeardWord, usual: Mapping[int, Usual]) -> dict[str, float]:
+    """Measures of one word by itself."""
     length = np.array([phone.length for phone in word.phones], np.float64)
-    gain = -np.array([phone.gain for phone in word.phones])
-    expected = [usual.get(phone.phone, usual[-1]) for phone in word.phones]
-    longer = (np.log(length) - [u.log_length[0] for u in expected]) / [
-        u.log_length[1] for u in expected
-    ]
-    fit = (gain / length - [u.gain[0] for u in expected]) / [u.gain[1] for u in expected]
-    frames, count = length.sum(), len(length)
-    return [
-        frames,
-        count,
-        gain.sum() / frames,
-        _log(gain.sum()),
-        fit.mean(),
-        fit.max(),
-        fit.sum() / np.sqrt(count),
-        (fit * length).sum() / frames,
-        longer.mean(),
-        longer.min(),
-        longer.max(),
-        longer.sum() / np.sqrt(count),
-        *(np.mean(length <= shortest) for shortest in _SQUEEZED),
-        np.log(frames),
-        np.log(count),
-        np.log(frames / count),
-    ]
+    loss = -sum(phone.gain for phone in word.phones)
+    expected = [usual.get(phone.phone, usual[NEVER_MET]).log_length for phone in word.phones]
+    mean, deviation = np.array(expected).T
+    longer = (np.log(length) - mean) / deviation
+    fit = _fit(word, usual)
+    frames, phones = length.sum(), len(length)
+    return {
+        "loss_per_frame": loss / frames,
+        "loss": float(_log(loss)),
+        "fit_mean": fit.mean(),
+        "fit_worst": fit.max(),
+        "fit_sum": fit.sum() / np.sqrt(phones),
+        "fit_by_frame": (fit * length).sum() / frames,
+        "length_mean": longer.mean(),
+        "length_least": longer.min(),
+        "length_most": longer.max(),
+        "length_sum": longer.sum() / np.sqrt(phones),
+        **{f"squeezed_{shortest}": np.mean(length <= shortest) for shortest in _SQUEEZED},
+        "log_frames": np.log(frames),
+        "log_phones": np.log(phones),
+        "log_pace": np.log(frames / phones),
+    }
 
 
-def _fits(word: Any, usual: Mapping[int, Usual]) -> Doubles:
-    rows = [(usual.get(p.phone, usual[-1]).gain, -p.gain / p.length) for p in word.phones]
-    return np.array([(value - mean) / deviation for (mean, deviation), value in rows])
+def _fit(word: HeardWord, usual: Mapping[int, Usual]) -> Doubles:
+    """How much worse than usual each phone fits, in standard deviations."""
+    expected = [usual.get(phone.phone, usual[NEVER_MET]).loss for phone in word.phones]
+    mean, deviation = np.array(expected).T
+    loss = np.array([-phone.gain / phone.length for phone in word.phones])
+    result: Doubles = (loss - mean) / deviation
+    return result
+
+
+def _columns(rows: Sequence[Mapping[str, float]]) -> Table:
+    return {name: np.array([row[name] for row in rows], np.float64) for name in rows[0]}
+
+
+def _worst(values: Doubles, at: Sequence[Sequence[int]]) -> Doubles:
+    """The highest of the values at each of several sets of places, 0 for an empty one."""
+    return np.array([max((float(values[i]) for i in each), default=0.0) for each in at])
 
 
 def _linear(nats: Doubles) -> Doubles:

@@ -91,29 +91,38 @@ def features(
 
 def _without_noise(power: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mel power with stationary noise attenuated, (T, filters)."""
-    gains = np.empty_like(power)
-    level = power[0].copy()
-    noise = level / _MOST_GAIN
-    floor = level / _MOST_GAIN
-    peak = np.zeros_like(level)
-    for t in range(len(power)):
-        level = _POWER_KEEP * level + (1 - _POWER_KEEP) * power[t]
-        noise = _lower_envelope(noise, level)
-        signal = np.maximum(level - noise, 1.0)
-        floor = _lower_envelope(floor, signal)
-        faded = peak * _MASK_KEEP
-        masked = np.where(signal < faded, peak * _MASK_LEVEL, signal)
-        peak = np.maximum(faded, signal)
-        heard = np.maximum(masked, floor)
-        gains[t] = np.clip(heard / np.maximum(level, 1e-10), 1 / _MOST_GAIN, _MOST_GAIN)
+    level = (1 - _POWER_KEEP) * power
+    level[0] = power[0]
+    for t in range(1, len(level)):
+        level[t] += _POWER_KEEP * level[t - 1]
+    noise = _lower_envelope(level, level[0] / _MOST_GAIN)
+    signal = np.maximum(level - noise, 1.0)
+    floor = _lower_envelope(signal, level[0] / _MOST_GAIN)
+    # What is left of earlier peaks before each frame.
+    peak = np.zeros_like(signal)
+    for t in range(1, len(signal)):
+        np.multiply(peak[t - 1], _MASK_KEEP, out=peak[t])
+        np.maximum(peak[t], signal[t - 1], out=peak[t])
+    masked = np.where(signal < peak * _MASK_KEEP, peak * _MASK_LEVEL, signal)
+    heard = np.maximum(masked, floor)
+    gains = np.clip(heard / np.maximum(level, 1e-10), 1 / _MOST_GAIN, _MOST_GAIN)
     return power * (gains @ _neighbours().T)
 
 
-def _lower_envelope(
-    envelope: NDArray[np.float64], level: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    keep = np.where(level >= envelope, _RISE_KEEP, _FALL_KEEP)
-    result: NDArray[np.float64] = keep * envelope + (1 - keep) * level
+def _lower_envelope(level: NDArray[np.float64], start: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What follows `level` slowly upwards and fast downwards, (T, filters)."""
+    slow, fast = (1 - _RISE_KEEP) * level, (1 - _FALL_KEEP) * level
+    result = np.empty_like(level)
+    rising, before = np.empty_like(start), start
+    for t in range(len(level)):
+        # The smaller of the two is the one that applies: upwards the slow one, downwards the fast.
+        np.multiply(before, _RISE_KEEP, out=rising)
+        rising += slow[t]
+        now = result[t]
+        np.multiply(before, _FALL_KEEP, out=now)
+        now += fast[t]
+        np.minimum(now, rising, out=now)
+        before = now
     return result
 
 
