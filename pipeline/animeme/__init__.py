@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from animeme.api import align, load_character, load_model, run
     from animeme.errors import AnimemeError, InputError, JobError, PluginError
+    from animeme.training import evaluate, read_dataset, save_model, train
 
 # Loaded when first used, so that `import animeme` and `animeme --help` are quick.
 _HOMES = {
@@ -20,6 +21,10 @@ _HOMES = {
     "load_character": "animeme.api",
     "load_model": "animeme.api",
     "run": "animeme.api",
+    "evaluate": "animeme.training",
+    "read_dataset": "animeme.training",
+    "save_model": "animeme.training",
+    "train": "animeme.training",
     "AnimemeError": "animeme.errors",
     "InputError": "animeme.errors",
     "JobError": "animeme.errors",
@@ -32,9 +37,13 @@ __all__ = [
     "JobError",
     "PluginError",
     "align",
+    "evaluate",
     "load_character",
     "load_model",
+    "read_dataset",
     "run",
+    "save_model",
+    "train",
 ]
 
 
