@@ -89,7 +89,8 @@ def _figure(compared: Comparison, controls: Sequence[str], index: int) -> Any:
                 transform=axes[0].get_xaxis_transform(), fontsize=8,
             )  # fmt: skip
     axes[-1].set_xlabel("seconds")
-    axes[0].legend(loc="upper right", fontsize=8, ncols=3)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", fontsize=8, ncols=4)
     figure.suptitle(f"{line.id}: captured and modelled", fontsize=11)
     return figure
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from animeme.curves import Floats
 from animeme_stages.synthesize.dominance import Dominance
-from animeme_stages.synthesize.fitted import array_from, rounded
 from animeme_stages.synthesize.fitting import (
     Method,
     Problem,
@@ -19,6 +18,7 @@ from animeme_stages.synthesize.fitting import (
     solve,
     weights_of,
 )
+from animeme_stages.synthesize.numbers import array_from, rounded
 from animeme_stages.synthesize.spoken import Ints, Pairs, Spoken, legendre, pairs_of
 
 # Polynomials go on for this part of a phone beyond its ends (see `legendre`).

@@ -19,7 +19,8 @@ from animeme.curves import Floats
 from animeme.dataset import Dataset, Listener
 from animeme.phones import PhoneTrack
 from animeme_stages.synthesize.bigram_set import ANY, LOCAL, PAUSE, BigramSet, common_phone
-from animeme_stages.synthesize.fitted import FittedModel, rounded
+from animeme_stages.synthesize.fitted import FittedModel
+from animeme_stages.synthesize.numbers import rounded
 from animeme_stages.synthesize.spoken import Ints
 
 # Section 2.2.2: thresholds of pairs of poses, 2.0 for all others, and priorities, lowest first.

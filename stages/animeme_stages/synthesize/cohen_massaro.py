@@ -115,7 +115,19 @@ class CohenMassaro:
         return CohenMassaro(TargetTable.from_document(document), options)
 
     def remarks(self, track: PhoneTrack) -> Iterator[Finding]:
-        """Phones that no class has."""
+        """Phones that no class has, or that the training data lacked."""
+        seen = self.table.document.get("seen")
+        if seen is not None:
+            strangers = sorted(set(track.ipa()) - set(seen))
+            if strangers:
+                yield Finding(
+                    Severity.INFO,
+                    "model-phone-unseen",
+                    f"the model never saw /{'/, /'.join(strangers)}/ and moves them like the "
+                    "nearest phones",
+                    action="Add lines that have them to its training data.",
+                )
+            return
         unknown = sorted({s for s in track.ipa() if not split_symbol(s, self.table.rows)})
         if unknown:
             yield Finding(

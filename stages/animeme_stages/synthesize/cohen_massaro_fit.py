@@ -19,7 +19,8 @@ from animeme.dataset import Dataset, Listener
 from animeme.phones import SILENCE
 from animeme_stages.synthesize.articulation import letters, nearest
 from animeme_stages.synthesize.contacts import Contacts, learn_contacts
-from animeme_stages.synthesize.fitted import frames_of, rounded
+from animeme_stages.synthesize.fitted import frames_of
+from animeme_stages.synthesize.numbers import rounded
 from animeme_stages.synthesize.spoken import Ints, spoken
 
 # Neighbours on either side that are felt while fitting; at the rates that are found, the last of

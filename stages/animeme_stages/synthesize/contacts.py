@@ -22,7 +22,7 @@ from animeme_stages.synthesize.articulation import pieces
 # The part of /p b/ that is closure; the rest is release (as in the shipped Cohen–Massaro table).
 CLOSURE_SHARE = 0.6
 # The longest and the shortest time to reach or leave a contact; the latter is two frames at 60 Hz.
-LONGEST_RAMP_S = 0.08
+LONGEST_RAMP_S = 0.05
 SHORTEST_RAMP_S = 1 / 30
 # A contact is looked for this much before and after its phone, as `closure_recall` does.
 SLACK_S = 0.04

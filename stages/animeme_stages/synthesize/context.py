@@ -83,6 +83,7 @@ class Questionnaire:
         self.questions = tuple(questions)
         self.phones = tuple(sorted(phones))
         self._seen = frozenset(self.phones)
+        self._rows: dict[tuple[str, bool], Booleans] = {}
 
     @cached_property
     def _names(self) -> tuple[str, ...]:
@@ -120,8 +121,7 @@ class Questionnaire:
         table = np.zeros((3, len(kinds) + 1, len(self._names)), dtype=np.bool_)
         for side in range(3):  # a neighbour before shows its end; one after, its beginning
             for symbol, row in code_of.items():
-                bears = _names_of(symbol, self._seen, end=side == 0)
-                table[side, row] = [name in bears for name in self._names]
+                table[side, row] = self._row(symbol, end=side == 0)
             table[side, -1] = [name == _EDGE for name in self._names]
         code = np.array([code_of[symbol] for symbol in phones.symbols])
         columns = []
@@ -129,6 +129,13 @@ class Questionnaire:
             index = phones.neighbour(offset)
             columns.append(table[1 + np.sign(offset), np.where(index >= 0, code[index], -1)])
         return np.stack(columns, axis=1)
+
+    def _row(self, symbol: str, *, end: bool) -> Booleans:
+        """Which of the names a phone bears; worked out once."""
+        if (symbol, end) not in self._rows:
+            bears = _names_of(symbol, self._seen, end=end)
+            self._rows[symbol, end] = np.array([name in bears for name in self._names], np.bool_)
+        return self._rows[symbol, end]
 
 
 def _names_of(symbol: str, seen: frozenset[str], *, end: bool) -> frozenset[str]:

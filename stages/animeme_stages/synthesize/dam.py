@@ -19,17 +19,15 @@ from animeme.phones import PhoneTrack
 from animeme_stages.synthesize.animemes import BEYOND, Animemes, learn_animemes
 from animeme_stages.synthesize.context import Question, Questionnaire, possible_questions
 from animeme_stages.synthesize.dominance import Dominance2012
-from animeme_stages.synthesize.fitted import (
-    FittedModel,
-    array_from,
-    frames_of,
-    rounded,
-    spreads,
-)
+from animeme_stages.synthesize.fitted import FittedModel, frames_of, spreads
 from animeme_stages.synthesize.fitting import weights_of
 from animeme_stages.synthesize.modes import Modes, find_modes
+from animeme_stages.synthesize.numbers import array_from, rounded
 from animeme_stages.synthesize.spoken import Ints, Spoken, legendre, spoken
 from animeme_stages.synthesize.trees import Forest, Growth, grow
+
+# Significant digits of a leaf, of which a phone adds up a hundred: the documents stay below 1 MB.
+LEAF_DIGITS = 4
 
 
 @dataclass(frozen=True)
@@ -40,13 +38,13 @@ class DamOptions:
     degree: int = field(default=4, metadata={"low": 0, "high": 8})
     normalise: bool = True
     spread: Literal["seconds", "lengths"] = "seconds"
-    sigma: float = field(default=0.08, metadata={"low": 0.01, "high": 3})
+    sigma: float = field(default=0.06, metadata={"low": 0.01, "high": 3})
     method: Literal["projection", "em"] = "projection"
     hold_s: float = field(default=0.8, metadata={"low": 0.1, "high": 10})
     ridge: float = field(default=0.1, metadata={"low": 0, "high": 1e6})
-    rounds: int = field(default=100, metadata={"low": 0, "high": 2000})
+    rounds: int = field(default=150, metadata={"low": 0, "high": 2000})
     depth: int = field(default=5, metadata={"low": 1, "high": 8})
-    rate: float = field(default=0.1, metadata={"low": 0.001, "high": 1})
+    rate: float = field(default=0.08, metadata={"low": 0.001, "high": 1})
     leaf: int = field(default=15, metadata={"low": 1, "high": 10000})
     leaf_ridge: float = field(default=3.0, metadata={"low": 0, "high": 1e6})
     preference: float = field(default=1.0, metadata={"low": 0.1, "high": 1000})
@@ -137,7 +135,7 @@ class Dam(FittedModel):
         asked = number.reshape(forest.asked.shape) - (1 if len(used) and used[0] < 0 else 0)
         kept = [questions.questions[i] for i in used if i >= 0]
         self.questions_ = Questionnaire(kept, tuple(self.seen_))
-        self.forest_ = Forest(asked, rounded(forest.leaves * spread))
+        self.forest_ = Forest(asked, rounded(forest.leaves * spread, LEAF_DIGITS))
 
     def _move(self, track: PhoneTrack, times_s: Floats) -> Floats:
         phones = spoken([track])

@@ -16,15 +16,13 @@ from animeme.findings import Finding, Severity
 from animeme.phones import SILENCE, PhoneTrack
 from animeme_stages.synthesize.articulation import nearest
 from animeme_stages.synthesize.contacts import Contacts, learn_contacts
+from animeme_stages.synthesize.holds import Holds, learn_holds
 from animeme_stages.synthesize.options import read_options
 from animeme_stages.synthesize.sampling import sample_times
 
 SCHEMA = "animeme.model/1"
 # A phone seen less often than this is fitted, and mentioned.
 SELDOM = 5
-# Learned numbers are kept to this many significant digits, so that documents are short and what
-# is in memory is what is in the file.
-DIGITS = 6
 
 
 class FittedModel:
@@ -38,6 +36,7 @@ class FittedModel:
         controls_: names of the N controls, () before fitting.
         seen_: phone → how often it occurs in the training lines.
         contacts_: see `contacts.Contacts`.
+        holds_: where phones settle that are held for longer than any that was seen.
         findings_: what the training data lacks.
     """
 
@@ -49,6 +48,7 @@ class FittedModel:
         self.controls_: tuple[str, ...] = ()
         self.seen_: dict[str, int] = {}
         self.contacts_ = Contacts()
+        self.holds_ = Holds({}, {})
         self.findings_: tuple[Finding, ...] = ()
 
     @classmethod
@@ -107,6 +107,7 @@ class FittedModel:
         counts = Counter(symbol for line in dataset.lines for symbol in line.track.ipa())
         fitted.seen_ = dict(sorted(counts.items()))
         fitted.contacts_ = learn_contacts(dataset) if self.options.contacts else Contacts()
+        fitted.holds_ = learn_holds(dataset)
         fitted.findings_ = tuple(_lacks(fitted.seen_))
         fitted._learn(dataset, listener)
         return fitted
@@ -123,6 +124,8 @@ class FittedModel:
         """
         times_s = sample_times(track.duration_s, rate_hz, self.contacts_.keys(track))
         weights = self._move(track, times_s)
+        stand_ins = [self.stand_in(symbol) for symbol in track.ipa()]
+        weights = self.holds_.settle(track, stand_ins, times_s, weights)
         weights = self.contacts_.hold(track, times_s, weights, self.controls_)
         return CurveSet(times_s, self.controls_, weights)
 
@@ -151,6 +154,7 @@ class FittedModel:
             "controls": list(self.controls_),
             "seen": self.seen_,
             "contacts": self.contacts_.to_json(),
+            "holds": self.holds_.to_json(),
             "learned": self._to_json(),
         }
 
@@ -166,6 +170,9 @@ class FittedModel:
             model.controls_ = tuple(_names(document["controls"]))
             model.seen_ = {str(symbol): int(n) for symbol, n in document["seen"].items()}
             model.contacts_ = Contacts.from_json(document["contacts"], model.controls_)
+            model.holds_ = Holds.from_json(
+                document["holds"], frozenset(model.seen_), len(model.controls_)
+            )
             if not model.controls_ or not model.seen_:
                 raise ValueError("it has no controls or no phones")
             model._from_json(document["learned"])
@@ -228,46 +235,6 @@ def _lacks(seen: Mapping[str, int]) -> Iterable[Finding]:
             f"some phones occur less than {SELDOM} times: {', '.join(seldom)}",
             action="Their motion is a guess; add lines that have them.",
         )
-
-
-def rounded(values: Any) -> Floats:
-    """`values` to `DIGITS` significant digits, as documents keep them."""
-    array = np.asarray(values, dtype=np.float64)
-    flat = [float(f"{value:.{DIGITS}g}") for value in array.ravel().tolist()]
-    return np.array(flat).reshape(array.shape)
-
-
-def array_from(entry: Any, shape: tuple[int | None, ...], name: str) -> Floats:
-    """A finite array of a document; None in `shape` fits any length.
-
-    Raises:
-        ValueError: it has another shape, or holds something else than finite numbers.
-    """
-    try:
-        found = np.array(entry, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name} is not an array of numbers") from error
-    if any(isinstance(value, (str, bool)) for value in _scalars(entry)):
-        raise ValueError(f"{name} is not an array of numbers")
-    fits = found.ndim == len(shape) and all(
-        n is None or n == m for n, m in zip(shape, found.shape, strict=True)
-    )
-    if not fits:
-        # An empty list of lists loses its inner lengths in JSON.
-        if found.size == 0 and 0 in shape:
-            return np.zeros([n or 0 for n in shape])
-        raise ValueError(f"{name} has shape {found.shape}, not {shape}")
-    if not np.isfinite(found).all():
-        raise ValueError(f"{name} holds numbers that are not finite")
-    return found
-
-
-def _scalars(entry: Any) -> Iterator[Any]:
-    if isinstance(entry, list):
-        for item in entry:
-            yield from _scalars(item)
-    else:
-        yield entry
 
 
 def frames_of(dataset: Dataset, offset_s: Floats) -> tuple[Floats, Floats]:

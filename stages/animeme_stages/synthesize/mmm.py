@@ -22,7 +22,8 @@ import scipy.sparse
 from animeme.curves import Floats, interpolate
 from animeme.dataset import Dataset, Listener, folds
 from animeme.phones import PhoneTrack
-from animeme_stages.synthesize.fitted import FittedModel, array_from, rounded, spreads
+from animeme_stages.synthesize.fitted import FittedModel, spreads
+from animeme_stages.synthesize.numbers import array_from, rounded
 from animeme_stages.synthesize.spoken import Ints, spoken
 
 # Time constants tried, seconds; λ is the constant to the power of twice the order of W.

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from animeme.curves import Floats
-from animeme_stages.synthesize.fitted import array_from, spreads
+from animeme_stages.synthesize.fitted import spreads
+from animeme_stages.synthesize.numbers import array_from
 from animeme_stages.synthesize.spoken import Ints, Spoken
 
 # Points of a phone's motion that are compared.
@@ -286,6 +287,8 @@ def affinity_propagation(
         Indices of the exemplars, sorted, at least one.
     """
     count = len(similarity)
+    if count == 1:
+        return np.array([0])
     s = similarity.copy()
     np.fill_diagonal(s, preference)
     scale = max(float(np.abs(s).max()), 1e-300)

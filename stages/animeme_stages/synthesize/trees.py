@@ -20,6 +20,9 @@ from animeme_stages.synthesize.context import Booleans
 from animeme_stages.synthesize.fitting import design_matrix
 from animeme_stages.synthesize.spoken import Ints, Pairs
 
+# Phones whose leaves are gathered at once: what they take stays within a processor's cache.
+_AT_ONCE = 64
+
 
 @dataclass(frozen=True, eq=False)
 class Forest:
@@ -45,6 +48,8 @@ class Forest:
         tree = np.arange(count)
         place = np.zeros((len(answers), count), dtype=np.int64)
         phone = np.arange(len(answers))[:, None]
+        if not answers.shape[1]:  # too little data to ask anything
+            return place
         for level in range(self.depth):
             question = self.asked[tree, 2**level - 1 + place]
             yes = answers[phone, np.maximum(question, 0)] & (question >= 0)
@@ -54,9 +59,11 @@ class Forest:
     def coefficients(self, answers: Booleans) -> Floats:
         """What the trees add to each phone's coefficients: (J, Q) → (J, M + 1, N)."""
         leaf = self.leaf_of(answers)
+        tree = np.arange(len(self.asked))
         total = np.zeros((len(answers), *self.leaves.shape[2:]))
-        for tree in range(len(self.asked)):
-            total += self.leaves[tree, leaf[:, tree]]
+        for first in range(0, len(answers), _AT_ONCE):
+            some = slice(first, first + _AT_ONCE)
+            total[some] = self.leaves[tree, leaf[some]].sum(axis=1)
         return total
 
 
