@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from animeme import registry
-from animeme.evaluate import Closure, captured_recall, judge
 from animeme.phones import SILENCE, Phone, PhoneTrack
+from animeme.scoring import Closure, captured_recall, judge
 from animeme_stages.synthesize.contacts import (
     CLOSURE_SHARE,
     SHORTEST_RAMP_S,

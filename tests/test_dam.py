@@ -16,8 +16,8 @@ import pytest
 
 from animeme import registry
 from animeme.errors import InputError
-from animeme.evaluate import judge
 from animeme.phones import SILENCE, Phone, PhoneTrack
+from animeme.scoring import judge
 from animeme.training import parse_options, save_model
 from animeme_stages.synthesize.dam import Dam
 from support.motion import captured, captured_line

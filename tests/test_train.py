@@ -13,7 +13,7 @@ from click.testing import CliRunner, Result
 
 import animeme
 from animeme.cli import cli, main
-from animeme.evaluate import Closure, captured_recall, judge
+from animeme.scoring import Closure, captured_recall, judge
 from animeme.training import evaluate
 from support.motion import CONTROLS, captured, captured_line, write_line
 
@@ -203,3 +203,10 @@ def test_real_motion(shared: Path, tmp_path: Path) -> None:
     for control in ("lip_gap", "lip_width", "jaw_drop", "lower_lip"):
         assert (scores[names[0]].rmse[control] or 9) < (scores[names[1]].rmse[control] or 0)
     assert scores["dam"].closure_recall == 1.0
+
+
+def test_public_functions_are_functions() -> None:
+    """Whatever was imported before: a module of the same name would take its place."""
+    assert callable(animeme.evaluate)
+    assert callable(animeme.train)
+    assert callable(animeme.read_dataset)

@@ -15,10 +15,10 @@ from animeme.curves import CurveSet
 from animeme.dataset import CapturedLine, Dataset, Listener, holdout, no_listener
 from animeme.documents import suggestion
 from animeme.errors import InputError
-from animeme.evaluate import Closure, Score, judge
 from animeme.executors.inline import InlineExecutor
 from animeme.executors.local import LocalExecutor
 from animeme.files import write_text
+from animeme.scoring import Closure, Score, judge
 
 
 def read_dataset(

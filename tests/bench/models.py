@@ -18,7 +18,7 @@ import numpy as np
 
 import animeme
 from animeme.dataset import CapturedLine, Dataset, folds
-from animeme.evaluate import captured_recall, judge
+from animeme.scoring import captured_recall, judge
 from animeme.training import parse_model
 
 FOUR = ("lip_gap", "lip_width", "jaw_drop", "lower_lip")

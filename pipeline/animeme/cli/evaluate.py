@@ -14,8 +14,8 @@ from rich.table import Table
 from animeme import registry, training
 from animeme.cli.dataset_options import dataset_options, progress, read
 from animeme.errors import InputError
-from animeme.evaluate import Closure, captured_recall
 from animeme.findings import Severity
+from animeme.scoring import Closure, captured_recall
 
 
 @click.command(
