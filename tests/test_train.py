@@ -39,7 +39,7 @@ def code_of(arguments: list[object]) -> int:
 def test_train_writes_a_model_that_load_model_reads(folder: Path, tmp_path: Path) -> None:
     output = tmp_path / "deep" / "hero.animeme"
     found = run("train", folder, "--model", "dam", "--output", output, "--set", "rounds=5",
-                "--set", "depth=2", "--workers", 1, "--json")  # fmt: skip
+                "depth=2", "--workers", 1, "--json")  # fmt: skip
     assert found.exception is None
     assert found.return_value == 0
     summary = json.loads(found.stdout)
@@ -53,6 +53,7 @@ def test_train_writes_a_model_that_load_model_reads(folder: Path, tmp_path: Path
     assert model.controls == CONTROLS
     document = json.loads(output.read_text(encoding="utf-8"))
     assert document["config"]["rounds"] == 5
+    assert document["config"]["depth"] == 2
 
 
 @pytest.mark.parametrize(
@@ -95,7 +96,7 @@ def test_evaluate_prints_the_promised_json(folder: Path, tmp_path: Path) -> None
     file = tmp_path / "m.animeme"
     animeme.save_model(animeme.train(captured(lines=6), "mmm", {"steps": "3"}), file)
     names = ["cohen-massaro", "dam:modes=none,degree=0", str(file)]
-    options = [part for name in names for part in ("--model", name)]
+    options = ["--model", names[0], "--model", *names[1:]]
     found = run("evaluate", folder, *options, "--holdout", 0.3, "--workers", 1, "--json",
                 "--plot", tmp_path / "compared")  # fmt: skip
     assert found.exception is None

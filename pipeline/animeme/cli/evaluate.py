@@ -20,10 +20,11 @@ from animeme.scoring import Closure, captured_recall
 
 @click.command(
     "evaluate",
-    epilog="Example: animeme evaluate takes/ --model dam --model dam:degree=0,modes=none "
-    "--model hero.animeme --holdout 0.2 --plot compared",
+    epilog="Example: animeme evaluate takes/ --model dam mmm dam:degree=0,modes=none hero.animeme "
+    "--holdout 0.2 --plot compared",
 )
 @click.argument("dataset", type=click.Path(path_type=Path))
+@click.argument("more", nargs=-1, metavar="")
 @click.option(
     "--model",
     "models",
@@ -31,7 +32,7 @@ from animeme.scoring import Closure, captured_recall
     required=True,
     metavar="NAME|FILE",
     help="A registered model, perhaps with options (dam:degree=0,modes=none), or a document. "
-    "Repeat it to compare.",
+    "More may follow, to compare.",
 )
 @click.option(
     "--holdout",
@@ -55,6 +56,7 @@ from animeme.scoring import Closure, captured_recall
 @click.option("--json", "as_json", is_flag=True, help="Print the scores as JSON on stdout.")
 def command(
     dataset: Path,
+    more: tuple[str, ...],
     models: tuple[str, ...],
     holdout: float,
     closure: str,
@@ -74,7 +76,7 @@ def command(
         click.echo(f"{where}{finding}", err=True)
     with progress() as listener:
         compared = training.evaluate(
-            lines, models, held_out=holdout, closure=closed, listener=listener
+            lines, [*models, *more], held_out=holdout, closure=closed, listener=listener
         )
     held = lines.subset(compared.lines)
     own = captured_recall(held, closed)

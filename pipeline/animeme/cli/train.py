@@ -21,12 +21,17 @@ from animeme.phones import ARPABET_TO_IPA, SILENCE
     "train", epilog="Example: animeme train takes/ --model dam --output hero.animeme --set depth=4"
 )
 @click.argument("dataset", type=click.Path(path_type=Path))
+@click.argument("more", nargs=-1, metavar="")
 @click.option("--model", default="dam", show_default=True, help="A registered model.")
 @click.option(
     "--output", required=True, type=click.Path(path_type=Path), help="Model document to write."
 )
 @click.option(
-    "--set", "options", multiple=True, metavar="KEY=VALUE", help="An option of the model."
+    "--set",
+    "options",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="An option of the model; more may follow.",
 )
 @dataset_options
 @click.option(
@@ -39,6 +44,7 @@ from animeme.phones import ARPABET_TO_IPA, SILENCE
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON on stdout.")
 def command(
     dataset: Path,
+    more: tuple[str, ...],
     model: str,
     output: Path,
     options: tuple[str, ...],
@@ -58,7 +64,7 @@ def command(
         )
     # Before any line is read: a wrong option should not cost minutes.
     kind = registry.model_type(model)
-    unfitted = kind.configured(training.parse_options(options))
+    unfitted = kind.configured(training.parse_options([*options, *more]))
     lines = read(dataset, **given)
     started = time.perf_counter()
     with progress() as listener:
