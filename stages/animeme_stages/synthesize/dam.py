@@ -43,7 +43,7 @@ class DamOptions:
     hold_s: float = field(default=0.8, metadata={"low": 0.1, "high": 10})
     ridge: float = field(default=0.1, metadata={"low": 0, "high": 1e6})
     rounds: int = field(default=150, metadata={"low": 0, "high": 2000})
-    depth: int = field(default=5, metadata={"low": 1, "high": 8})
+    depth: int = field(default=6, metadata={"low": 1, "high": 8})
     rate: float = field(default=0.08, metadata={"low": 0.001, "high": 1})
     leaf: int = field(default=15, metadata={"low": 1, "high": 10000})
     leaf_ridge: float = field(default=3.0, metadata={"low": 0, "high": 1e6})
