@@ -408,7 +408,7 @@ class BadJob:
 
 BAD_JOBS = (
     BadJob("model", "model", "name", "cohen-masaro", ("model.name", "mean 'cohen-massaro'?")),
-    BadJob("model-far", "model", "name", "zzz", ("model.name", "Known: cohen-massaro")),
+    BadJob("model-far", "model", "name", "zzz", ("model.name", "Known: bigram, cohen-massaro")),
     BadJob("aligner", "align", "aligner", "pocketsfinx", ("align.aligner", "mean 'pocketsphinx'?")),
     BadJob("rig", "characters.crab", "rig", "arkti", ("characters.crab.rig", "mean 'arkit'?")),
     BadJob(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from animeme.api import align, align_folder, load_character, load_model, run, speak
     from animeme.errors import AnimemeError, InputError, JobError, PluginError
+    from animeme.training import evaluate, read_dataset, save_model, train
 
 # Loaded when first used, so that `import animeme` and `animeme --help` are quick.
 _HOMES = {
@@ -22,6 +23,10 @@ _HOMES = {
     "load_model": "animeme.api",
     "run": "animeme.api",
     "speak": "animeme.api",
+    "evaluate": "animeme.training",
+    "read_dataset": "animeme.training",
+    "save_model": "animeme.training",
+    "train": "animeme.training",
     "AnimemeError": "animeme.errors",
     "InputError": "animeme.errors",
     "JobError": "animeme.errors",
@@ -35,10 +40,14 @@ __all__ = [
     "PluginError",
     "align",
     "align_folder",
+    "evaluate",
     "load_character",
     "load_model",
+    "read_dataset",
     "run",
+    "save_model",
     "speak",
+    "train",
 ]
 
 

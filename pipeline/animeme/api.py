@@ -235,7 +235,7 @@ def load_model(name_or_file: str | Path) -> Model:
     """A model by name, as shipped, or from a model document.
 
     Args:
-        name_or_file: a registered name, or the path of a ``.json`` or ``.toml`` document.
+        name_or_file: a registered name, or the path of a model document.
 
     Raises:
         PluginError: no such model is registered.
@@ -248,7 +248,7 @@ def load_model(name_or_file: str | Path) -> Model:
         True
     """
     path = Path(name_or_file)
-    if path.suffix.lower() in (".json", ".toml"):
+    if path.suffix.lower() in (".json", ".toml", ".animeme") or path.is_file():
         return registry.load_model(file=path)
     return registry.load_model(str(name_or_file))
 

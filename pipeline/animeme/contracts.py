@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animeme.curves import CurveSet
+from animeme.dataset import Dataset, Listener, no_listener
 from animeme.findings import Finding
 from animeme.phones import Event, PhoneTrack
 from animeme.rig import BoundRig, Character
@@ -146,6 +147,29 @@ class Model(Protocol):
         ...
 
     @classmethod
+    def configured(cls, options: Mapping[str, Any]) -> Self:
+        """The model with these options, ready to be fitted.
+
+        Args:
+            options: name → value, or its text, as ``--set`` gives it.
+
+        Raises:
+            InputError: an option is unknown, or a value makes no sense.
+        """
+        ...
+
+    def fit(self, dataset: Dataset, *, listener: Listener = no_listener) -> Self:
+        """A new model with the same options, fitted to captured motion.
+
+        The same dataset gives the same model, to the last bit. Where values are missing (NaN) the
+        model learns from the rest.
+
+        Raises:
+            InputError: there is nothing to learn from.
+        """
+        ...
+
+    @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> Self:
         """Rebuild a model from an ``animeme.model`` document.
 
@@ -160,6 +184,10 @@ class Model(Protocol):
 
     def synthesize(self, track: PhoneTrack, *, rate_hz: float) -> CurveSet:
         """Curves over the whole track, sampled at `rate_hz` and wherever the model needs a key."""
+        ...
+
+    def remarks(self, track: PhoneTrack) -> Iterable[Finding]:
+        """What a person should know about the motion of `track`: phones never seen, for one."""
         ...
 
 

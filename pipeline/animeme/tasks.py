@@ -338,6 +338,7 @@ def _model(spool: Path) -> Model:
 def _animate(item: LineItem, context: RunContext, alignment: Alignment) -> Iterator[Finding]:
     model = _model(item.spool)
     controls = model.synthesize(alignment.track, rate_hz=context.rate_hz)
+    yield from model.remarks(alignment.track)
     for index in item.targets:
         target = context.targets[index]
         rest = target.asset.rest_weights()

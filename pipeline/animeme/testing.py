@@ -23,6 +23,7 @@ import numpy as np
 
 from animeme.contracts import Aligner, Check, Format, LineAnimation, Model, Speech
 from animeme.curves import CurveSet
+from animeme.dataset import CapturedLine, Dataset
 from animeme.errors import InputError
 from animeme.phones import ARPABET, SILENCE, Phone, PhoneTrack, contiguous
 
@@ -72,6 +73,53 @@ def check_model(model: Model) -> None:
         except ValueError:
             continue
         raise AssertionError("from_document must raise ValueError on an incomplete document")
+
+
+def check_fit(kind: type[Model], dataset: Dataset) -> Model:
+    """A model fits itself to a dataset repeatably, copes with gaps, and can refuse.
+
+    Args:
+        kind: the model's class.
+        dataset: some lines with captured motion, without gaps.
+
+    Returns:
+        The fitted model, which has passed `check_model`.
+    """
+    before = [line.values.copy() for line in dataset.lines]
+    model = kind.configured({}).fit(dataset)
+    assert model.controls == dataset.controls, "a fitted model drives the dataset's controls"
+    check_model(model)
+    again = kind.configured({}).fit(dataset)
+    assert again.to_document() == model.to_document(), "same dataset, same model"
+    for line, values in zip(dataset.lines, before, strict=True):
+        assert np.array_equal(line.values, values), "fitting must not change the dataset"
+    errors = []
+    for line in dataset.lines:
+        curves = model.synthesize(line.track, rate_hz=RATE_HZ)
+        errors.append(curves.sample(line.times_s) - line.values)
+    spread = np.concatenate(before).std(axis=0)
+    assert (np.concatenate(errors).std(axis=0) < spread).all(), "fitting must beat the mean"
+    seen = {symbol for line in dataset.lines for symbol in line.track.ipa()}
+    track = next(t for t in sample_tracks() if not set(t.ipa()) <= seen)
+    assert list(model.remarks(track)), "phones that were never seen must be mentioned"
+    gaps = [_with_gap(line, i % len(dataset.controls)) for i, line in enumerate(dataset.lines)]
+    check_model(kind.configured({}).fit(dataset.subset(gaps)))
+    check_model(kind.configured({}).fit(dataset.subset(dataset.lines[:1])))
+    for options, lines in (({"no such option": 1}, dataset.lines), ({}, ())):
+        try:
+            kind.configured(options).fit(dataset.subset(lines))
+        except InputError:
+            continue
+        raise AssertionError("an unknown option and an empty dataset must raise InputError")
+    return model
+
+
+def _with_gap(line: CapturedLine, column: int) -> CapturedLine:
+    """`line` without one control, and without the others for a while."""
+    values = line.values.copy()
+    values[:, column] = np.nan
+    values[len(values) // 3 : len(values) // 2] = np.nan
+    return CapturedLine(line.id, line.track, line.times_s, values)
 
 
 def check_aligner(aligner: Aligner, speech: Speech, text: str, *, language: str) -> None:

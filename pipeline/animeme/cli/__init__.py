@@ -18,11 +18,13 @@ import click
 _COMMANDS = {
     "align": "Find when each phone of a recording, or of a folder of lines, is spoken.",
     "doctor": "Say what is installed, and what extras would add.",
+    "evaluate": "Compare models with captured motion they were not fitted to.",
     "lexicon": "List the words of a dialogue that no dictionary has.",
     "rig": "Say which rig profile fits an asset, or draft one.",
     "run": "Run a job: characters and dialogue in, animated assets out.",
     "schema": "Print the JSON Schema of a document.",
     "speak": "Speak a transcript, with exact timings, until an actor has recorded it.",
+    "train": "Fit a model to speech with captured motion.",
 }
 
 EXIT_UNUSABLE = 2

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.resources import files
 from typing import Any, ClassVar
@@ -17,14 +17,20 @@ from typing import Any, ClassVar
 import numpy as np
 
 from animeme.curves import CurveSet, Floats
+from animeme.dataset import Dataset, Listener, no_listener
+from animeme.errors import InputError
+from animeme.findings import Finding, Severity
 from animeme.phones import PhoneTrack
-from animeme_stages.synthesize.segments import Segment, segments
+from animeme_stages.synthesize.cohen_massaro_fit import contacts_of, fit_document
+from animeme_stages.synthesize.contacts import Contacts
+from animeme_stages.synthesize.fitted import require_motion
+from animeme_stages.synthesize.options import read_options
+from animeme_stages.synthesize.sampling import SAME_TIME_S, sample_times
+from animeme_stages.synthesize.segments import Segment, segments, split_symbol
 from animeme_stages.synthesize.table import TargetTable
 
 # Coarticulation reaches at most seven segments, fading over the seventh (2002 paper, section 3.1).
 REACH = 7
-# Keys nearer to each other than this are one key; far below any frame.
-SAME_TIME_S = 1e-4
 # e^-600 is still a number; beyond, dominances are equal, and equally negligible.
 _LARGEST_EXPONENT = 600.0
 # The shortest ramp into a contact: two frames at 60 Hz, so that no sample can jump over it.
@@ -43,16 +49,32 @@ class _Arrays:
     targets: Floats  # (S, N)
 
 
+@dataclass(frozen=True)
+class CohenMassaroOptions:
+    """Options of fitting `CohenMassaro`."""
+
+    c: float = field(default=1.1, metadata={"low": 1, "high": 4})
+    plateau_s: float = field(default=0.12, metadata={"low": 0, "high": 10})
+    contacts: bool = False
+
+
 class CohenMassaro:
     """Control curves as dominance-weighted averages of phone targets (2002 paper, eq. 5).
 
-    Works untrained, from a shipped table of targets for ARKit controls.
+    Works untrained, from a shipped table of targets for ARKit controls; `fit` learns a table for
+    the controls of a dataset.
     """
 
     name: ClassVar[str] = "cohen-massaro"
 
-    def __init__(self, table: TargetTable) -> None:
+    def __init__(self, table: TargetTable, options: CohenMassaroOptions | None = None) -> None:
         self.table = table
+        self.options = options or CohenMassaroOptions()
+        self.contacts = (
+            contacts_of(table.document, table.controls)
+            if table.fitted and self.options.contacts
+            else Contacts()
+        )
 
     @property
     def controls(self) -> tuple[str, ...]:
@@ -65,13 +87,65 @@ class CohenMassaro:
         return _shipped()
 
     @classmethod
+    def configured(cls, options: Mapping[str, Any]) -> CohenMassaro:
+        """The shipped model, to be fitted with these options.
+
+        Raises:
+            InputError: an option is unknown, or a value makes no sense.
+        """
+        try:
+            read = read_options(CohenMassaroOptions, options)
+        except ValueError as error:
+            raise InputError(
+                "model-option", str(error), place=cls.name, action="docs/models.md lists them."
+            ) from error
+        return cls(_shipped().table, read)
+
+    def fit(self, dataset: Dataset, *, listener: Listener = no_listener) -> CohenMassaro:
+        """A model with the dataset's controls, and targets and dominances learned from it.
+
+        Raises:
+            InputError: there is nothing to learn from.
+        """
+        require_motion(dataset)
+        options = self.options
+        document = fit_document(dataset, options.c, options.plateau_s, listener)
+        if not options.contacts:
+            document["contacts"] = []
+        return CohenMassaro(TargetTable.from_document(document), options)
+
+    def remarks(self, track: PhoneTrack) -> Iterator[Finding]:
+        """Phones that no class has, or that the training data lacked."""
+        seen = self.table.document.get("seen")
+        if seen is not None:
+            strangers = sorted(set(track.ipa()) - set(seen))
+            if strangers:
+                yield Finding(
+                    Severity.INFO,
+                    "model-phone-unseen",
+                    f"the model never saw /{'/, /'.join(strangers)}/ and moves them like the "
+                    "nearest phones",
+                    action="Add lines that have them to its training data.",
+                )
+            return
+        unknown = sorted({s for s in track.ipa() if not split_symbol(s, self.table.rows)})
+        if unknown:
+            yield Finding(
+                Severity.INFO,
+                "model-phone-unseen",
+                f"the model knows nothing of /{'/, /'.join(unknown)}/ and moves them like schwa",
+                action="Add them to a class of its table.",
+            )
+
+    @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> CohenMassaro:
         """Rebuild a model from an ``animeme.model`` document.
 
         Raises:
             ValueError: the document does not fit this model.
         """
-        return cls(TargetTable.from_document(document))
+        # What a fitted document holds was decided when it was fitted.
+        return cls(TargetTable.from_document(document), CohenMassaroOptions(contacts=True))
 
     def to_document(self) -> dict[str, Any]:
         """The ``animeme.model/1`` document that rebuilds this model."""
@@ -96,9 +170,12 @@ class CohenMassaro:
             plateau_s=self.table.plateau_s,
             closure_share=self.table.closure_share,
         )
-        times_s = key_times(parts, rate_hz)
+        times_s = key_times(parts, rate_hz, self.contacts.keys(track))
         weights = self._average(self._arrays(parts), times_s)
         self._reach_contacts(parts, times_s, weights)
+        if self.table.fitted:
+            held = self.contacts.hold(track, times_s, weights, self.controls)
+            return CurveSet(times_s, self.controls, held)
         return CurveSet(times_s, self.controls, np.clip(weights, 0.0, 1.0))
 
     def _arrays(self, parts: Sequence[Segment]) -> _Arrays:
@@ -206,26 +283,18 @@ def _contacts(parts: Sequence[Segment]) -> Iterator[tuple[int, float, float]]:
             yield index, part.start_s, part.end_s
 
 
-def key_times(parts: Sequence[Segment], rate_hz: float) -> Floats:
+def key_times(parts: Sequence[Segment], rate_hz: float, more: Sequence[float] = ()) -> Floats:
     """Sampling times: uniform, both ends, contacts' borders, and peaks between two samples.
 
     Sections 3.2 and 3.3 of the 2002 paper. Shape (T,), strictly increasing, seconds.
     """
-    end_s = parts[-1].end_s
-    uniform = np.arange(int(np.floor(end_s * rate_hz)) + 1) / rate_hz
-    extra = [0.0, end_s]
+    extra = list(more)
     for part in parts:
         if part.contact:
             extra += [part.start_s, part.end_s]
         elif np.floor(part.start_s * rate_hz) == np.floor(part.end_s * rate_hz):
             extra.append((part.peak_start_s + part.peak_end_s) / 2)
-    fixed = np.unique(extra)
-    fixed = fixed[np.append(True, np.diff(fixed) > SAME_TIME_S)]
-    # A uniform sample gives way to a key that coincides with it.
-    right = np.searchsorted(fixed, uniform).clip(1, len(fixed) - 1)
-    gap = np.minimum(np.abs(uniform - fixed[right]), np.abs(uniform - fixed[right - 1]))
-    times_s: Floats = np.union1d(fixed, uniform[gap > SAME_TIME_S])
-    return times_s
+    return sample_times(parts[-1].end_s, rate_hz, extra)
 
 
 @lru_cache(maxsize=1)

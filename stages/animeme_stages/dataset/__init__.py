@@ -1,0 +1,1 @@
+"""Folders of speech with captured motion, read for training and judging."""

@@ -1,0 +1,54 @@
+"""Learned numbers as model documents keep them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from animeme.curves import Floats
+
+# Learned numbers are kept to this many significant digits, so that documents are short and what
+# is in memory is what is in the file.
+DIGITS = 6
+
+
+def rounded(values: Any, digits: int = DIGITS) -> Floats:
+    """`values` to some significant digits, as documents keep them."""
+    array = np.asarray(values, dtype=np.float64)
+    flat = [float(f"{value:.{digits}g}") for value in array.ravel().tolist()]
+    return np.array(flat).reshape(array.shape)
+
+
+def array_from(entry: Any, shape: tuple[int | None, ...], name: str) -> Floats:
+    """A finite array of a document; None in `shape` fits any length.
+
+    Raises:
+        ValueError: it has another shape, or holds something else than finite numbers.
+    """
+    try:
+        found = np.array(entry, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} is not an array of numbers") from error
+    if any(isinstance(value, (str, bool)) for value in _scalars(entry)):
+        raise ValueError(f"{name} is not an array of numbers")
+    fits = found.ndim == len(shape) and all(
+        n is None or n == m for n, m in zip(shape, found.shape, strict=True)
+    )
+    if not fits:
+        # An empty list of lists loses its inner lengths in JSON.
+        if found.size == 0 and 0 in shape:
+            return np.zeros([n or 0 for n in shape])
+        raise ValueError(f"{name} has shape {found.shape}, not {shape}")
+    if not np.isfinite(found).all():
+        raise ValueError(f"{name} holds numbers that are not finite")
+    return found
+
+
+def _scalars(entry: Any) -> Iterator[Any]:
+    if isinstance(entry, list):
+        for item in entry:
+            yield from _scalars(item)
+    else:
+        yield entry
