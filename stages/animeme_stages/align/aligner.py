@@ -12,6 +12,7 @@ from typing import ClassVar
 
 from animeme.contracts import Alignment, Anchor, Speech
 from animeme.errors import InputError
+from animeme.findings import Severity
 from animeme.phones import Inventory, Phone, PhoneTrack, Word, contiguous
 from animeme_stages.align.acoustic.features import HOP, RATE_HZ, WINDOW
 from animeme_stages.align.acoustic.hear import Heard, HeardWord, UnsayableError, Window, hear
@@ -31,6 +32,9 @@ FRAME_S = HOP / RATE_HZ
 # A frame's features describe its window's centre, but frame n is counted from n × 10 ms: half a
 # window less half a hop too early.
 OFFSET_S = (WINDOW / RATE_HZ - FRAME_S) / 2
+
+# The most that a line in doubt may have, whatever else speaks for it: from 0.5 on it is trusted.
+MOST_IN_DOUBT = 0.49
 
 
 class PocketSphinxAligner:
@@ -66,7 +70,10 @@ class PocketSphinxAligner:
             *anchor_doubts(track, anchors),
             *rate_doubt(track),
         )
-        return Alignment(track, findings, round(judgement.confidence, 4))
+        sure = judgement.confidence
+        if any(finding.severity >= Severity.WARNING for finding in findings):
+            sure = min(sure, MOST_IN_DOUBT)
+        return Alignment(track, findings, round(sure, 4))
 
 
 def spoken_words(

@@ -74,7 +74,10 @@ def resampled(mono: NDArray[np.float32], rate_hz: int) -> NDArray[np.float32]:
 
 def quantized(samples: NDArray[np.float32]) -> NDArray[np.int16]:
     """Samples of full scale 1 as 16-bit integers."""
-    return np.clip(np.round(samples * 32768.0), -32768, 32767).astype(np.int16)
+    scaled = samples * np.float32(32768.0)
+    np.round(scaled, out=scaled)
+    np.clip(scaled, -32768, 32767, out=scaled)
+    return scaled.astype(np.int16)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,8 @@ differences; and its suppression of stationary noise.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -17,6 +19,8 @@ Floats = NDArray[np.float32]
 RATE_HZ = 16_000
 HOP = 160
 WINDOW = 410
+# Windows that are transformed at once.
+_BLOCK = 1000
 _FFT = 512
 _FILTERS = 25
 _CEPSTRA = 13
@@ -40,12 +44,24 @@ _SMOOTH = 4
 
 def levels_db(samples: NDArray[np.int16]) -> NDArray[np.float64]:
     """Mean power of each window in dB, 0 for digital silence, (T,)."""
-    energy = np.concatenate([[0.0], np.cumsum(samples.astype(np.float64) ** 2)])
-    starts = np.arange(0, len(samples) - WINDOW + 1, HOP)
-    result: NDArray[np.float64] = 10 * np.log10(
-        (energy[starts + WINDOW] - energy[starts]) / WINDOW + 1.0
-    )
+    parts = [
+        (windows.astype(np.float64) ** 2).mean(axis=1) for _, windows in _window_blocks(samples)
+    ]
+    result: NDArray[np.float64] = 10 * np.log10(np.concatenate(parts) + 1.0)
     return result
+
+
+def _window_blocks(
+    samples: NDArray[np.int16],
+) -> Iterator[tuple[NDArray[np.int16], NDArray[np.int16]]]:
+    """Windows of a recording, some at a time, each with the sample before each window.
+
+    All windows of half an hour at once would take a gigabyte.
+    """
+    windows = np.lib.stride_tricks.sliding_window_view(samples, WINDOW)[::HOP]
+    before = np.concatenate([samples[:1], samples[HOP - 1 :: HOP]])[: len(windows)]
+    for start in range(0, len(windows), _BLOCK):
+        yield before[start : start + _BLOCK], windows[start : start + _BLOCK]
 
 
 def active(level_db: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -71,11 +87,16 @@ def features(
         samples: mono at 16 kHz, at least one window of 410.
         counted: (T,) frames over which the recording's colour is measured, to be taken off.
     """
-    signal = samples.astype(np.float64)
-    signal = np.append(signal[0], signal[1:] - _PREEMPHASIS * signal[:-1])
-    frames = np.lib.stride_tricks.sliding_window_view(signal, WINDOW)[::HOP] * _hamming()
-    power = np.abs(np.fft.rfft(frames, _FFT)) ** 2 @ _mel_filters().T
-    cepstra = np.log(_without_noise(power) + _LOG_FLOOR) @ _cosines().T
+    parts: list[NDArray[np.float64]] = []
+    noise: _Noise | None = None
+    for before, windows in _window_blocks(samples):
+        power = _mel_power(before, windows)
+        if noise is None:
+            start = power[0] / _MOST_GAIN
+            noise = _Noise(power[0].copy(), start, start, np.zeros_like(start))
+        noise.remove(power)
+        parts.append(np.log(power + _LOG_FLOOR) @ _cosines().T)
+    cepstra = np.concatenate(parts)
     cepstra -= cepstra[counted].mean(axis=0)
     padded = np.pad(cepstra, ((3, 3), (0, 0)), mode="edge")
     count = len(cepstra)
@@ -89,24 +110,49 @@ def features(
     )
 
 
-def _without_noise(power: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mel power with stationary noise attenuated, (T, filters)."""
-    level = (1 - _POWER_KEEP) * power
-    level[0] = power[0]
-    for t in range(1, len(level)):
-        level[t] += _POWER_KEEP * level[t - 1]
-    noise = _lower_envelope(level, level[0] / _MOST_GAIN)
-    signal = np.maximum(level - noise, 1.0)
-    floor = _lower_envelope(signal, level[0] / _MOST_GAIN)
-    # What is left of earlier peaks before each frame.
-    peak = np.zeros_like(signal)
-    for t in range(1, len(signal)):
-        np.multiply(peak[t - 1], _MASK_KEEP, out=peak[t])
-        np.maximum(peak[t], signal[t - 1], out=peak[t])
-    masked = np.where(signal < peak * _MASK_KEEP, peak * _MASK_LEVEL, signal)
-    heard = np.maximum(masked, floor)
-    gains = np.clip(heard / np.maximum(level, 1e-10), 1 / _MOST_GAIN, _MOST_GAIN)
-    return power * (gains @ _neighbours().T)
+def _mel_power(before: NDArray[np.int16], windows: NDArray[np.int16]) -> NDArray[np.float64]:
+    """Power in each filter, (windows, filters)."""
+    earlier = np.concatenate([before[:, None], windows[:, :-1]], axis=1)
+    emphasized = windows - _PREEMPHASIS * earlier
+    spectrum = np.fft.rfft(emphasized * _hamming(), _FFT)
+    power: NDArray[np.float64] = np.abs(spectrum) ** 2 @ _mel_filters().T
+    return power
+
+
+@dataclass
+class _Noise:
+    """What suppression of noise remembers of the frames before, (filters,) each.
+
+    Attributes:
+        level: smoothed power.
+        noise: its floor.
+        floor: that of what is above the noise.
+        peak: of what is above the noise, fading.
+    """
+
+    level: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    floor: NDArray[np.float64]
+    peak: NDArray[np.float64]
+
+    def remove(self, power: NDArray[np.float64]) -> None:
+        """Attenuate stationary noise in mel power, (T, filters), in place."""
+        level = (1 - _POWER_KEEP) * power
+        for now in level:
+            now += _POWER_KEEP * self.level
+            self.level = now
+        noise = _lower_envelope(level, self.noise)
+        signal = np.maximum(level - noise, 1.0)
+        floor = _lower_envelope(signal, self.floor)
+        faded = np.empty_like(signal)
+        for now, sound in zip(faded, signal, strict=True):
+            np.multiply(self.peak, _MASK_KEEP, out=now)
+            self.peak = np.maximum(now, sound)
+        masked = np.where(signal < faded, faded * (_MASK_LEVEL / _MASK_KEEP), signal)
+        heard = np.maximum(masked, floor)
+        gains = np.clip(heard / np.maximum(level, 1e-10), 1 / _MOST_GAIN, _MOST_GAIN)
+        power *= gains @ _neighbours().T
+        self.noise, self.floor = noise[-1], floor[-1]
 
 
 def _lower_envelope(level: NDArray[np.float64], start: NDArray[np.float64]) -> NDArray[np.float64]:
