@@ -7,6 +7,7 @@ differences; and its suppression of stationary noise.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
@@ -35,17 +36,20 @@ _NEAR = 50
 _POWER_KEEP, _RISE_KEEP, _FALL_KEEP = 0.7, 0.995, 0.5
 _MASK_KEEP, _MASK_LEVEL = 0.85, 0.2
 _MOST_GAIN = 20.0
+# Windows that are worked on at a time: their spectra are 30 times as large as the recording.
+_BLOCK = 4096
 _SMOOTH = 4
 
 
 def levels_db(samples: NDArray[np.int16]) -> NDArray[np.float64]:
     """Mean power of each window in dB, 0 for digital silence, (T,)."""
-    energy = np.concatenate([[0.0], np.cumsum(samples.astype(np.float64) ** 2)])
-    starts = np.arange(0, len(samples) - WINDOW + 1, HOP)
-    result: NDArray[np.float64] = 10 * np.log10(
-        (energy[starts + WINDOW] - energy[starts]) / WINDOW + 1.0
-    )
-    return result
+    parts = []
+    for block in _blocks(len(samples)):
+        squares = samples[block].astype(np.float64) ** 2
+        energy = np.concatenate([[0.0], np.cumsum(squares)])
+        starts = np.arange(0, len(squares) - WINDOW + 1, HOP)
+        parts.append(10 * np.log10((energy[starts + WINDOW] - energy[starts]) / WINDOW + 1.0))
+    return np.concatenate(parts)
 
 
 def active(level_db: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -71,10 +75,7 @@ def features(
         samples: mono at 16 kHz, at least one window of 410.
         counted: (T,) frames over which the recording's colour is measured, to be taken off.
     """
-    signal = samples.astype(np.float64)
-    signal = np.append(signal[0], signal[1:] - _PREEMPHASIS * signal[:-1])
-    frames = np.lib.stride_tricks.sliding_window_view(signal, WINDOW)[::HOP] * _hamming()
-    power = np.abs(np.fft.rfft(frames, _FFT)) ** 2 @ _mel_filters().T
+    power = np.concatenate([_mel_power(samples, block) for block in _blocks(len(samples))])
     cepstra = np.log(_without_noise(power) + _LOG_FLOOR) @ _cosines().T
     cepstra -= cepstra[counted].mean(axis=0)
     padded = np.pad(cepstra, ((3, 3), (0, 0)), mode="edge")
@@ -89,6 +90,24 @@ def features(
     )
 
 
+def _blocks(count: int) -> Iterator[slice]:
+    """The samples of every `_BLOCK` windows of a recording of `count` samples."""
+    frames = (count - WINDOW) // HOP + 1
+    for first in range(0, frames, _BLOCK):
+        last = min(first + _BLOCK, frames) - 1
+        yield slice(first * HOP, last * HOP + WINDOW)
+
+
+def _mel_power(samples: NDArray[np.int16], block: slice) -> NDArray[np.float64]:
+    """Power in each filter of the windows of a block, (frames, filters)."""
+    part = samples[block].astype(np.float64)
+    before = float(samples[block.start - 1]) if block.start else 0.0
+    emphasised = part - _PREEMPHASIS * np.concatenate([[before], part[:-1]])
+    frames = np.lib.stride_tricks.sliding_window_view(emphasised, WINDOW)[::HOP] * _hamming()
+    power: NDArray[np.float64] = np.abs(np.fft.rfft(frames, _FFT)) ** 2 @ _mel_filters().T
+    return power
+
+
 def _without_noise(power: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mel power with stationary noise attenuated, (T, filters)."""
     level = (1 - _POWER_KEEP) * power
@@ -96,7 +115,7 @@ def _without_noise(power: NDArray[np.float64]) -> NDArray[np.float64]:
     for t in range(1, len(level)):
         level[t] += _POWER_KEEP * level[t - 1]
     noise = _lower_envelope(level, level[0] / _MOST_GAIN)
-    signal = np.maximum(level - noise, 1.0)
+    signal = np.maximum(np.subtract(level, noise, out=noise), 1.0, out=noise)
     floor = _lower_envelope(signal, level[0] / _MOST_GAIN)
     # What is left of earlier peaks before each frame.
     peak = np.zeros_like(signal)
@@ -104,8 +123,9 @@ def _without_noise(power: NDArray[np.float64]) -> NDArray[np.float64]:
         np.multiply(peak[t - 1], _MASK_KEEP, out=peak[t])
         np.maximum(peak[t], signal[t - 1], out=peak[t])
     masked = np.where(signal < peak * _MASK_KEEP, peak * _MASK_LEVEL, signal)
-    heard = np.maximum(masked, floor)
-    gains = np.clip(heard / np.maximum(level, 1e-10), 1 / _MOST_GAIN, _MOST_GAIN)
+    heard = np.maximum(masked, floor, out=floor)
+    gains = np.divide(heard, np.maximum(level, 1e-10, out=level), out=heard)
+    np.clip(gains, 1 / _MOST_GAIN, _MOST_GAIN, out=gains)
     return power * (gains @ _neighbours().T)
 
 
