@@ -122,10 +122,13 @@ def _without_noise(power: NDArray[np.float64]) -> NDArray[np.float64]:
     for t in range(1, len(signal)):
         np.multiply(peak[t - 1], _MASK_KEEP, out=peak[t])
         np.maximum(peak[t], signal[t - 1], out=peak[t])
-    masked = np.where(signal < peak * _MASK_KEEP, peak * _MASK_LEVEL, signal)
-    heard = np.maximum(masked, floor, out=floor)
+    masked = signal < peak * _MASK_KEEP
+    np.multiply(peak, _MASK_LEVEL, out=signal, where=masked)
+    del peak
+    heard = np.maximum(signal, floor, out=floor)
     gains = np.divide(heard, np.maximum(level, 1e-10, out=level), out=heard)
     np.clip(gains, 1 / _MOST_GAIN, _MOST_GAIN, out=gains)
+    del level, signal
     return power * (gains @ _neighbours().T)
 
 
