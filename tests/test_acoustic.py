@@ -144,6 +144,55 @@ def test_pieces_cover_the_recording_and_every_word_once(count, extra, seed) -> N
     assert all(piece.end - piece.start <= LONGEST + 1000 for piece in found)
 
 
+def test_words_that_are_said_early_in_a_long_recording_are_offered_early() -> None:
+    names = ["B", "IY", "S", "AA", "M", "T"]
+    words = [[(names[i % 6], names[(i // 6) % 6], names[i // 36])] for i in range(150)]
+    said, frames = 30 * 150, 60_000  # 45 s of words, then 555 s of nothing
+
+    def score(start: int, end: int, net: Network, first: int) -> Scores:
+        at = np.arange(start, end)
+        right = np.where(at < said, at // 30, PAUSE)
+        number = [unit.word + first if unit.word != PAUSE else PAUSE for unit in net.units]
+        states = np.where(right[:, None] == np.repeat(number, STATES), -1.0, -9.0)
+        return Scores(
+            states.astype(np.float32),
+            np.full((end - start, STATES * len(MODEL.phones)), -9.0, np.float32),
+        )
+
+    for piece in pieces(MODEL, words, frames, score):
+        assert piece.first == min(round(piece.start / 30), 150)
+        assert piece.last == min(round(piece.end / 30), 150)
+
+
+def test_a_word_may_last_to_the_end_of_a_long_recording() -> None:
+    def score(start: int, end: int, net: Network, _: int) -> Scores:
+        states = np.full((end - start, len(net.senones)), -1.0, np.float32)
+        for pause in net.pauses:
+            states[:, STATES * pause : STATES * (pause + 1)] = -99.0
+        return Scores(states, np.zeros((end - start, STATES * len(MODEL.phones)), np.float32))
+
+    found = list(pieces(MODEL, [[("AA",)]], LONGEST + 100, score))
+    assert [(piece.start, piece.end, piece.last) for piece in found] == [(0, LONGEST + 100, 1)]
+
+
+def test_features_do_not_depend_on_how_a_recording_is_worked_on(monkeypatch) -> None:
+    noise = np.random.default_rng(0).normal(0, 900, 40_000).astype(np.int16)
+    counted = active(levels_db(noise))
+    whole = [levels_db(noise), *features(noise, counted)]
+    monkeypatch.setattr("animeme_stages.align.acoustic.features._BLOCK", 7)
+    for part, all_at_once in zip([levels_db(noise), *features(noise, counted)], whole, strict=True):
+        np.testing.assert_allclose(part, all_at_once, atol=1e-4)
+
+
+def test_far_too_many_words_are_refused_before_any_work(monkeypatch) -> None:
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("it searched")
+
+    monkeypatch.setattr("animeme_stages.align.acoustic.hear.score", never)
+    with pytest.raises(UnsayableError):
+        hear(MODEL, np.ones(16_000, np.int16), [[("B", "AA", "T")]] * 3000)
+
+
 @pytest.mark.parametrize("samples", [1, 409, 410, 411, 1600])
 @pytest.mark.parametrize("level", [0, 32767])
 def test_any_recording_has_finite_features(samples: int, level: int) -> None:

@@ -332,6 +332,13 @@ def test_a_single_recording_still_needs_its_text(lines: Path, capsys: Capture) -
     refused(command(capsys, "align", lines / "none"), "no such recording or folder")
 
 
+def test_a_single_recordings_format_is_checked_even_if_nothing_is_written(
+    lines: Path, capsys: Capture
+) -> None:
+    ran = command(capsys, "align", lines / "boat.wav", lines / "boat.txt", "--format", "srt")
+    refused(ran, "'srt'", "Choose one of")
+
+
 def test_a_doubt_about_a_single_recording_counts_on_demand(lines: Path, capsys: Capture) -> None:
     words = ["align", lines / "boat.wav", "Mama bought a big blue boat for Bob. She bought it"]
     kinds = {command(capsys, *words, *more).code for more in ([], ["--fail-on", "error"])}

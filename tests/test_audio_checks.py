@@ -255,6 +255,11 @@ def test_nobody_speaks_that_fast_or_slow(rate_hz: float, doubtful: bool) -> None
     assert list(rate_doubt(track(rate_hz, 5))) == []  # a shout may last
 
 
+def test_a_rate_just_too_fast_is_not_called_usual() -> None:
+    (doubt,) = rate_doubt(track(FASTEST_HZ + 0.3, 40))
+    assert "at 19.3 sounds a second; people speak 5 to 19" in doubt.message
+
+
 def test_a_track_of_silence_has_no_rate() -> None:
     silent = PhoneTrack("en", "ipa", (Phone(SILENCE, 0.0, 1.0),))
     assert speaking_rate(silent) == 0.0

@@ -282,9 +282,14 @@ def test_the_command_says_what_is_wrong(
         (("…",), "no word"),
         ((tmp_path / "absent.txt",), "transcript"),
         (("Hello", "--words-per-minute", "20"), "80"),
+        (("Hello", "--timings", tmp_path / "hi.srt", "--format", "srt"), "Choose one of"),
     ):
         assert run("speak", *arguments, "--output", wav) == 2
         assert says in capsys.readouterr().err
+        assert not wav.exists()
+    assert run("speak", "Hello", "--output", wav.with_suffix(".mp3")) == 2
+    assert "ends in .wav" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
     without_espeak(monkeypatch)
     assert run("speak", "Hello", "--output", wav) == 2
     assert "animeme[espeak]" in capsys.readouterr().err

@@ -115,3 +115,15 @@ def test_one_recording_may_be_aligned_from_its_timings(
     command(capsys, "align", BOAT, tmp_path / "none.vtt").says("none.vtt", "No such file")
     with pytest.raises(ValueError, match="neither"):
         animeme.align(BOAT)
+
+
+def test_subtitles_of_another_time_are_named_as_the_reason(job: SmallJob, capsys: Capture) -> None:
+    file = beside(job, "boat.srt")
+    file.write_text(f"1\n00:00:00,000 --> 00:00:00,300\n{TEXT}\n", encoding="utf-8")
+    run_inline(capsys, job)
+    (finding,) = [f for f in job.findings("en/boat") if f["severity"] == "error"]
+    assert finding["code"] == "align-failed"
+    assert finding["place"].endswith("boat.srt")
+    assert "at the times that are given" in finding["message"]
+    file.unlink()
+    assert run_inline(capsys, job).code == 0

@@ -150,6 +150,7 @@ def _one(
     fail_on: str,
     as_json: bool,
 ) -> int:
+    registry.stage("timings-suffix")(form)  # before the work, not after it
     file: Path | None = Path(text)
     if kind_of(Path(text)) in ("timings", "mouth shapes"):
         said = None

@@ -47,6 +47,8 @@ def command(
 
     TEXT is the transcript's file, or the words themselves. Needs the extra `espeak`.
     """
+    if timings is not None:
+        registry.stage("timings-suffix")(form)  # before anything is written
     transcript = Path(text)
     if transcript.suffix.lower() in (".txt", ".lab"):
         text = registry.stage("read-transcript")(transcript)

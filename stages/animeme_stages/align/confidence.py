@@ -4,7 +4,8 @@ Each word and each gap between words is judged by a linear score over a few meas
 rivals beat it (see `animeme_stages.align.acoustic.rivals`), how its phones' fit and length compare
 with what is usual for them. A line is as doubtful as its most doubtful places (log-sum-exp of their
 scores). Weights, usual values and thresholds are fitted on lines whose transcript was damaged
-(``tests/bench/confidence.py``) and kept in ``confidence.json``; docs/alignment.md has the figures.
+(``tests/bench/train_confidence.py``) and kept in ``confidence.json``; docs/alignment.md has the
+figures.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ def rate_doubt(track: PhoneTrack) -> Iterator[Finding]:
     yield Finding(
         Severity.WARNING,
         "align-rate",
-        f"the transcript would be spoken at {rate_hz:.0f} sounds a second; {usual}, so "
+        f"the transcript would be spoken at {rate_hz:.1f} sounds a second; {usual}, so "
         + (
             "words are not in the recording, or it plays too fast"
             if fast

@@ -74,10 +74,9 @@ def resampled(mono: NDArray[np.float32], rate_hz: int) -> NDArray[np.float32]:
 
 def quantized(samples: NDArray[np.float32]) -> NDArray[np.int16]:
     """Samples of full scale 1 as 16-bit integers."""
-    scaled = samples * np.float32(32768.0)
+    scaled = samples * 32768.0  # the only copy: recordings may be long
     np.round(scaled, out=scaled)
-    np.clip(scaled, -32768, 32767, out=scaled)
-    return scaled.astype(np.int16)
+    return np.clip(scaled, -32768, 32767, out=scaled).astype(np.int16)
 
 
 @dataclass(frozen=True)
@@ -157,7 +156,7 @@ def _require_length(path: Path, duration_s: float) -> None:
 
 def _require_voice(path: Path, mono: NDArray[np.float32]) -> float:
     """The highest sample's magnitude, of a sound that is not silent."""
-    peak = float(np.abs(mono).max())
+    peak = max(float(mono.max()), -float(mono.min()))
     peak_dbfs = 20 * np.log10(max(peak, 1e-9))
     if peak_dbfs < SILENT_PEAK_DBFS:
         raise InputError(

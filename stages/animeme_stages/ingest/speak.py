@@ -113,8 +113,15 @@ def write_speech(spoken: Spoken, path: Path) -> None:
     """Write what was spoken as 16-bit WAV, atomically.
 
     Raises:
-        InputError: the file cannot be written.
+        InputError: the file cannot be written, or its name is that of another format.
     """
+    if path.suffix.lower() not in (".wav", ".wave"):
+        raise InputError(
+            "audio-format",
+            f"speech is written as WAV, not as '{path.suffix}'",
+            place=str(path),
+            action="Give it a name that ends in .wav.",
+        )
     with atomic_path(path) as scratch:
         soundfile.write(
             scratch, spoken.samples, spoken.rate_hz, subtype="PCM_16", format="WAV", endian="LITTLE"

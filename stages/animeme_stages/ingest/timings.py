@@ -100,7 +100,17 @@ def _anchored(
             place=str(path),
             action="They are another line's or version's: mend one, or take the timings away.",
         )
-    alignment = align(said, anchors_of(found, spans, timings.source))
+    try:
+        alignment = align(said, anchors_of(found, spans, timings.source))
+    except InputError as error:
+        if error.code != "align-failed":
+            raise
+        raise InputError(
+            error.code,
+            "the recording does not say the transcript at the times that are given here",
+            place=str(path),
+            action="Listen to the line: if they fit together, take these timings away.",
+        ) from error
     message = "the times of its words were given, those of its phones found"
     return _remarked(alignment, _info("timings-used", message, path), *_differing(found, path))
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from animeme_stages.align.acoustic.features import WINDOW, active, features, levels_db
 from animeme_stages.align.acoustic.model import STATES, AcousticModel
 from animeme_stages.align.acoustic.network import PAUSE, Network, Sounds, network
-from animeme_stages.align.acoustic.pieces import Piece, Score, pieces
+from animeme_stages.align.acoustic.pieces import Piece, Score, least_frames, pieces
 from animeme_stages.align.acoustic.rivals import Rivals, rivals
 from animeme_stages.align.acoustic.search import Scores, score, search
 
@@ -89,6 +89,7 @@ def hear(
     """
     samples = np.pad(samples, (0, max(0, WINDOW - len(samples))))
     level_db = levels_db(samples)
+    _require_sayable(words, len(level_db))
     counted = active(level_db)
     quiet = level_db < np.percentile(level_db[counted], _LOUD_PERCENTILE) - _QUIET_DB
     streams = features(samples, counted)
@@ -105,6 +106,12 @@ def hear(
         for piece in pieces(model, words, frames, scored)
     ]
     return _joined(parts)
+
+
+def _require_sayable(words: Sequence[Sequence[Sounds]], frames: int) -> None:
+    """Before any work: what a search looks at grows with the words times the frames."""
+    if least_frames(words)[-1] > frames:
+        raise UnsayableError(f"{len(words)} words in {frames} frames")
 
 
 def _require_windows(
@@ -124,11 +131,10 @@ def _require_windows(
 def _hear_piece(
     model: AcousticModel, piece: Piece, words: Sequence[Sequence[Sounds]], scored: Score
 ) -> Heard:
+    _require_sayable(words, piece.end - piece.start)
     net = network(model, words)
     scores = scored(piece.start, piece.end, net, piece.first)
     found = search(model, net, scores)
-    if not len(found.path):
-        raise UnsayableError(f"{len(words)} words in {piece.end - piece.start} frames")
     gain = scores.states[np.arange(len(found.path)), found.path] - found.free
     units = found.path // STATES
     heard: list[list[HeardPhone]] = [[] for _ in words]

@@ -22,8 +22,11 @@ _MARGIN = 800
 _PAUSE = 12
 # A piece has this many frames at least, if there is anywhere to cut.
 _LEAST = LONGEST // 4
-# A window is offered this many times the words that its share of the recording has, and some more.
-_SURPLUS, _MORE = 1.6, 12
+# A window is offered this many times the words that its share of the recording has, and some more;
+# twice as many if it reaches this share of them: a recording may be dense first and silent then…
+_SURPLUS, _MORE, _REACHED = 1.6, 12, 0.8
+# … but no more than can be said in this part of its frames: 25 sounds a second, which nobody says.
+_FASTEST = 0.75
 
 Score = Callable[[int, int, Network, int], Scores]
 """Scores of frames [start, end) in a network whose first word is the given one."""
@@ -53,22 +56,39 @@ def pieces(
     Yields:
         Pieces of about `LONGEST` frames that cover all of both. Some may have no words.
     """
+    least = least_frames(words)
     start = first = 0
     while frames - start > LONGEST:
         end = min(start + _WINDOW, frames)
-        share = (end - start) / (frames - start)
-        offered = min(len(words), first + round(share * (len(words) - first) * _SURPLUS) + _MORE)
-        if offered == first:
-            cut, said = LONGEST, 0
+        if end == frames:
+            offered = most = len(words)
+            if least[-1] - least[first] > end - start:
+                break
         else:
+            latest = least[first] + _FASTEST * (end - start)
+            most = int(np.searchsorted(least, latest, side="right")) - 1
+            share = (end - start) / (frames - start)
+            offered = min(most, first + round(share * (len(words) - first) * _SURPLUS) + _MORE)
+        cut, said = LONGEST, 0
+        while offered > first:
             net = network(model, words[first:offered])
             found = search(model, net, score(start, end, net, first), anywhere=end < frames)
-            if not len(found.path):
+            # Even where only most of them are reached, the last ones may stand for others.
+            if offered == most or found.path[-1] < _REACHED * len(net.senones):
+                cut, said = _cut(net, found.path, min(LONGEST, end - start - _MARGIN))
                 break
-            cut, said = _cut(net, found.path, min(LONGEST, end - start - _MARGIN))
+            offered = min(most, 2 * offered - first)
+        if start + cut == frames:
+            break
         yield Piece(start, start + cut, first, first + said)
         start, first = start + cut, first + said
     yield Piece(start, frames, first, len(words))
+
+
+def least_frames(words: Sequence[Sequence[Sounds]]) -> Indices:
+    """Frames that it takes at least to say the words before each, and all of them: (words + 1,)."""
+    shortest = [STATES * min(map(len, variants)) for variants in words]
+    return np.concatenate([[0], np.cumsum(shortest, dtype=np.int64)])
 
 
 def _cut(net: Network, path: Indices, latest: int) -> tuple[int, int]:
