@@ -197,12 +197,12 @@ def test_a_second_run_over_the_first_writes_the_same_bytes(tmp_path: Path, capsy
 
 def test_a_line_to_review_fails_the_run_only_where_asked(tmp_path: Path, capsys: Capture) -> None:
     job = small_job(tmp_path / "job", "en/boat", "en/moon")
-    text = (SAMPLE / "dialogue/en/boat.txt").read_text(encoding="utf-8")
-    (job.dialogue / "en/moon.txt").write_text(text, encoding="utf-8")
+    text = (SAMPLE / "dialogue/en/moon.txt").read_text(encoding="utf-8")
+    (job.dialogue / "en/moon.txt").write_text(f"Rhinoceros {text}", encoding="utf-8")
     plain = run_inline(capsys, job)
     assert plain.code == 0
     assert job.statuses() == {"en/boat": "ok", "en/moon": "review"}
-    plain.says("en/moon", "may differ", "Listen to the line")
+    plain.says("en/moon", "may differ", "'rhinoceros'", "Listen to the line")
     assert job.animations() == {"boat", "moon"}
 
     strict = run_inline(capsys, job, "--fail-on", "warning")

@@ -101,7 +101,8 @@ def test_times_are_those_of_the_sound() -> None:
         assert [w.text for w in heard.words] == texts(spoken)
         pairs = zip(spoken.alignment.track.words, heard.words, strict=True)
         off_s = np.array([theirs.start_s - ours.start_s for ours, theirs in pairs])
-        assert abs(np.median(off_s)) < CLOSE_S / 3
+        # The model hears espeak's words up to 17 ms after their events (docs/alignment.md).
+        assert abs(np.median(off_s)) < CLOSE_S * 2 / 3
         assert np.median(np.abs(off_s)) < CLOSE_S
 
 

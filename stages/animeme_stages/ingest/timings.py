@@ -80,6 +80,7 @@ def _given(
             reason = f"they were not compared with the transcript: it {error.problem}"
             findings.append(_info("timings-not-compared", reason, path))
         else:
+            _require_likeness(found, path)
             track = _tied(track, found)
             findings += _differing(found, path)
     return Alignment(track, tuple(findings))
@@ -93,13 +94,7 @@ def _anchored(
     settings = language_of(language)
     said = text() if text is not None else joined(spans, settings)
     found = match(said, spans, settings)
-    if found.agreeing < LEAST_AGREEING and found.difference:
-        raise InputError(
-            "timings-text-differs",
-            f"its words are not those of the transcript: {found.difference}",
-            place=str(path),
-            action="They are another line's or version's: mend one, or take the timings away.",
-        )
+    _require_likeness(found, path)
     try:
         alignment = align(said, anchors_of(found, spans, timings.source))
     except InputError as error:
@@ -113,6 +108,17 @@ def _anchored(
         ) from error
     message = "the times of its words were given, those of its phones found"
     return _remarked(alignment, _info("timings-used", message, path), *_differing(found, path))
+
+
+def _require_likeness(found: Match, path: Path) -> None:
+    """Refuse timings that are not of this transcript."""
+    if found.agreeing < LEAST_AGREEING and found.difference:
+        raise InputError(
+            "timings-text-differs",
+            f"its words are not those of the transcript: {found.difference}",
+            place=str(path),
+            action="They are another line's or version's: mend one, or take the timings away.",
+        )
 
 
 def _tied(track: PhoneTrack, found: Match) -> PhoneTrack:

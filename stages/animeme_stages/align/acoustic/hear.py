@@ -87,7 +87,8 @@ def hear(
     Raises:
         UnsayableError: there are fewer frames than the words have states.
     """
-    samples = np.pad(samples, (0, max(0, WINDOW - len(samples))))
+    if len(samples) < WINDOW:
+        samples = np.pad(samples, (0, WINDOW - len(samples)))
     level_db = levels_db(samples)
     _require_sayable(words, len(level_db))
     counted = active(level_db)

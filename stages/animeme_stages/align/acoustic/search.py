@@ -47,7 +47,6 @@ class Search:
         path: (T,) state of each frame on the best path; empty if there is none.
         best: that path's score.
         free: (T,) score of each frame on the best path over any phones.
-        said: (T,) phone of each frame on it.
     """
 
     before: Floats
@@ -55,7 +54,6 @@ class Search:
     path: Indices
     best: float
     free: Floats
-    said: Indices
 
 
 def score(model: AcousticModel, streams: Streams, net: Network, quiet: NDArray[np.bool_]) -> Scores:
@@ -121,8 +119,8 @@ def search(model: AcousticModel, net: Network, scores: Scores, *, anywhere: bool
     path = np.empty(0, np.int64)
     if best > NEVER / 2:
         path = trace(net, moved[:, :size], which, last)
-    free, said = _free_path(value[:, 2 * size :], moved[:, 2 * size :], came, scores.plain)
-    return Search(before, after, path, best, free, said)
+    free = _free_path(value[:, 2 * size :], moved[:, 2 * size :], came, scores.plain)
+    return Search(before, after, path, best, free)
 
 
 class _Table:
@@ -174,13 +172,13 @@ def _others(net: Network, mirrored: int) -> list[int]:
 
 def _run(
     table: _Table, scores: Scores
-) -> tuple[Floats, NDArray[np.bool_], NDArray[np.uint8], NDArray[np.uint8]]:
+) -> tuple[Floats, NDArray[np.bool_], NDArray[np.uint16], NDArray[np.uint8]]:
     """Values of all states at all steps, and the choices that led there."""
     frames = len(scores.states)
     given = np.concatenate([scores.states, scores.states[::-1, ::-1], scores.plain], axis=1)
     value = np.empty((frames, table.total), np.float32)
     moved = np.zeros((frames, table.total), bool)
-    which = np.zeros((frames, table.forward_entries), np.uint8)
+    which = np.zeros((frames, table.forward_entries), np.uint16)
     came = np.zeros(frames, np.uint8)
     value[0] = NEVER
     value[0, table.starts] = given[0, table.starts]
@@ -206,7 +204,7 @@ def _run(
     return value, moved, which, came
 
 
-def trace(net: Network, moved: NDArray[np.bool_], which: NDArray[np.uint8], state: int) -> Indices:
+def trace(net: Network, moved: NDArray[np.bool_], which: NDArray[np.uint16], state: int) -> Indices:
     """The path that ends in `state` at the last frame, (T,)."""
     row_of = {int(entry): row for row, entry in enumerate(net.entries)}
     path = np.empty(len(moved), np.int64)
@@ -220,8 +218,8 @@ def trace(net: Network, moved: NDArray[np.bool_], which: NDArray[np.uint8], stat
 
 def _free_path(
     value: Floats, moved: NDArray[np.bool_], came: NDArray[np.uint8], plain: Floats
-) -> tuple[Floats, Indices]:
-    """Score of each frame on the free path, and its phone."""
+) -> Floats:
+    """Score of each frame on the free path, (T,)."""
     frames = len(value)
     state = STATES * int(value[-1, STATES - 1 :: STATES].argmax()) + STATES - 1
     states = np.empty(frames, np.int64)
@@ -230,4 +228,5 @@ def _free_path(
         if moved[t, state]:
             first = state % STATES == 0
             state = STATES * int(came[t]) + STATES - 1 if first else state - 1
-    return plain[np.arange(frames), states], states // STATES
+    found: Floats = plain[np.arange(frames), states]
+    return found
