@@ -10,7 +10,7 @@ from animeme.phones import SILENCE, Phone, PhoneTrack
 from animeme.scoring import Closure, captured_recall, judge
 from animeme_stages.synthesize.contacts import (
     CLOSURE_SHARE,
-    SHORTEST_RAMP_S,
+    SQUEEZED_RAMP_S,
     Bound,
     Contacts,
     contact_spans,
@@ -71,7 +71,7 @@ def test_bounds_hold_without_a_jump() -> None:
             assert held[inside, 0].max() <= 0.01 + 1e-12
         else:
             assert held[inside, 1].min() >= 0.5 - 1e-12
-    assert np.abs(np.diff(held, axis=0)).max() < 0.4 * 1.5 * 0.001 / SHORTEST_RAMP_S + 0.003
+    assert np.abs(np.diff(held, axis=0)).max() < 0.4 * 1.5 * 0.001 / SQUEEZED_RAMP_S + 0.003
     far = times_s < 0.2 - 0.08
     np.testing.assert_array_equal(held[far], weights[far])
 

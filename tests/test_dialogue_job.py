@@ -214,7 +214,7 @@ def test_a_minimal_job_gets_every_default(tmp_path: Path) -> None:
         speak=False,
         aligner="pocketsphinx",
         lexicon=None,
-        model="cohen-massaro",
+        model="dam",
         model_file=None,
         rate_hz=60.0,
         max_error=0.002,

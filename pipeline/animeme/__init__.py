@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from animeme.api import align, align_folder, load_character, load_model, run, speak
+    from animeme.crossmapping import crossmap
     from animeme.errors import AnimemeError, InputError, JobError, PluginError
     from animeme.training import evaluate, read_dataset, save_model, train
 
@@ -23,6 +24,7 @@ _HOMES = {
     "load_model": "animeme.api",
     "run": "animeme.api",
     "speak": "animeme.api",
+    "crossmap": "animeme.crossmapping",
     "evaluate": "animeme.training",
     "read_dataset": "animeme.training",
     "save_model": "animeme.training",
@@ -40,6 +42,7 @@ __all__ = [
     "PluginError",
     "align",
     "align_folder",
+    "crossmap",
     "evaluate",
     "load_character",
     "load_model",

@@ -70,7 +70,7 @@ class AlignSection(Document):
 class ModelSection(Document):
     """What turns phones into curves."""
 
-    name: str = Field("cohen-massaro", description="A registered model, as shipped.")
+    name: str = Field("dam", description="A registered model, as shipped.")
     file: str | None = Field(None, description="A model document, in place of `name`.")
 
 

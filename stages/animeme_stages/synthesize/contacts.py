@@ -17,13 +17,15 @@ import numpy as np
 from animeme.curves import Floats
 from animeme.dataset import CapturedLine, Dataset
 from animeme.phones import PhoneTrack
-from animeme_stages.synthesize.articulation import pieces
+from animeme_stages.synthesize.articulation import Articulation, pieces
 
 # The part of /p b/ that is closure; the rest is release (as in the shipped Cohen–Massaro table).
 CLOSURE_SHARE = 0.6
 # The longest and the shortest time to reach or leave a contact; the latter is two frames at 60 Hz.
 LONGEST_RAMP_S = 0.05
 SHORTEST_RAMP_S = 1 / 30
+# The same from a phone with a contact on its other side, too: it still opens in its middle.
+SQUEEZED_RAMP_S = 1 / 60
 # A contact is looked for this much before and after its phone, as `closure_recall` does.
 SLACK_S = 0.04
 # What the captured speaker does in this part of his contacts is the bound.
@@ -69,14 +71,22 @@ def contact_spans(track: PhoneTrack) -> tuple[Span, ...]:
     return tuple(_spans(track))
 
 
+def _kind(letter: Articulation) -> str | None:
+    """Which contact a letter is."""
+    if not letter.vowel and letter.manner in ("plosive", "nasal") and letter.place == 0:
+        return "bilabial"
+    teeth = letter.manner == "fricative" and 0 < letter.place < 8 and not letter.rounded
+    return "labiodental" if teeth else None
+
+
 def _spans(track: PhoneTrack) -> Iterator[Span]:
-    phones = track.phones
-    for index, (symbol, phone) in enumerate(zip(track.ipa(), phones, strict=True)):
+    phones, symbols = track.phones, track.ipa()
+    touching = {j for j, symbol in enumerate(symbols) if any(map(_kind, pieces(symbol)))}
+    for index, (symbol, phone) in enumerate(zip(symbols, phones, strict=True)):
         letters = pieces(symbol)
         for part, letter in enumerate(letters):
-            lips = not letter.vowel and letter.manner in ("plosive", "nasal") and letter.place == 0
-            teeth = letter.manner == "fricative" and 0 < letter.place < 8 and not letter.rounded
-            if not (lips or teeth):
+            kind = _kind(letter)
+            if kind is None:
                 continue
             step_s = phone.duration_s / len(letters)
             start_s = phone.start_s + part * step_s
@@ -85,13 +95,18 @@ def _spans(track: PhoneTrack) -> Iterator[Span]:
                 end_s = start_s + CLOSURE_SHARE * (end_s - start_s)
             before = phones[index - 1].duration_s if index else LONGEST_RAMP_S
             after = phones[index + 1].duration_s if index + 1 < len(phones) else LONGEST_RAMP_S
-            yield Span(
-                "bilabial" if lips else "labiodental", start_s, end_s, _ramp(before), _ramp(after)
-            )
+            ramp_in_s = _ramp(before, squeezed=index - 2 in touching)
+            ramp_out_s = _ramp(after, squeezed=index + 2 in touching)
+            yield Span(kind, start_s, end_s, ramp_in_s, ramp_out_s)
 
 
-def _ramp(neighbour_s: float) -> float:
-    return float(np.clip(0.75 * neighbour_s, SHORTEST_RAMP_S, LONGEST_RAMP_S))
+def _ramp(neighbour_s: float, *, squeezed: bool) -> float:
+    """How long a contact takes from its neighbour; less if there is a contact beyond, too.
+
+    A short vowel between two contacts would never open otherwise.
+    """
+    share, shortest_s = (0.5, SQUEEZED_RAMP_S) if squeezed else (0.75, SHORTEST_RAMP_S)
+    return float(np.clip(share * neighbour_s, shortest_s, LONGEST_RAMP_S))
 
 
 @dataclass(frozen=True)
@@ -119,7 +134,8 @@ class Contacts:
         """
         held = weights.copy()
         spans = contact_spans(track) if self.bounds else ()
-        for kind in sorted({bound.kind for bound in self.bounds}):
+        # Lips that meet come last: next to /f v/, a gap between them is what would be seen.
+        for kind in sorted({bound.kind for bound in self.bounds}, reverse=True):
             pull = _pull([span for span in spans if span.kind == kind], times_s)
             for bound in self.bounds:
                 if bound.kind == kind:

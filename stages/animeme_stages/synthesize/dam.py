@@ -7,8 +7,10 @@ projection, dominances in seconds, and modes that trees choose by context (see `
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib import resources
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -77,6 +79,12 @@ class Dam(FittedModel):
         self.modes_ = Modes((), (), np.zeros((0, 1)), ())
         self.questions_ = Questionnaire((), ())
         self.forest_ = Forest(np.zeros((0, 1), np.int64), np.zeros((0, 2, 1, 0)))
+
+    @classmethod
+    def default(cls) -> Dam:
+        """The model as shipped: ARKit controls, one English speaker (see its `credits_`)."""
+        path = resources.files("animeme_stages.synthesize") / "dam_grid.json"
+        return cls.from_document(json.loads(path.read_text(encoding="utf-8")))
 
     def _empty(self, units: int) -> Animemes:
         options = self.options

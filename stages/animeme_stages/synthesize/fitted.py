@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, ClassVar, Self
 
@@ -33,7 +34,10 @@ class FittedModel:
 
     Attributes:
         options: as given; `config()` is the same as plain data.
-        controls_: names of the N controls, () before fitting.
+        controls_: names of the N controls that are learned, () before fitting.
+        copies_: control → the one of `controls_` that it always equalled in training: the other
+            side of a symmetric mouth, for one.
+        credits_: whose recordings it was fitted to, and under which licence; "" where unsaid.
         seen_: phone → how often it occurs in the training lines.
         contacts_: see `contacts.Contacts`.
         holds_: where phones settle that are held for longer than any that was seen.
@@ -46,6 +50,8 @@ class FittedModel:
     def __init__(self, options: Any = None) -> None:
         self.options = options if options is not None else self.Options()
         self.controls_: tuple[str, ...] = ()
+        self.copies_: dict[str, str] = {}
+        self.credits_ = ""
         self.seen_: dict[str, int] = {}
         self.contacts_ = Contacts()
         self.holds_ = Holds({}, {})
@@ -85,7 +91,7 @@ class FittedModel:
     @property
     def controls(self) -> tuple[str, ...]:
         """Names of the curves that `synthesize` returns."""
-        return self.controls_
+        return (*self.controls_, *self.copies_)
 
     def config(self) -> dict[str, Any]:
         """The options as plain data."""
@@ -103,6 +109,7 @@ class FittedModel:
         """
         require_motion(dataset)
         fitted = type(self)(self.options)
+        dataset, fitted.copies_ = _without_copies(dataset)
         fitted.controls_ = dataset.controls
         counts = Counter(symbol for line in dataset.lines for symbol in line.track.ipa())
         fitted.seen_ = dict(sorted(counts.items()))
@@ -127,7 +134,9 @@ class FittedModel:
         stand_ins = [self.stand_in(symbol) for symbol in track.ipa()]
         weights = self.holds_.settle(track, stand_ins, times_s, weights)
         weights = self.contacts_.hold(track, times_s, weights, self.controls_)
-        return CurveSet(times_s, self.controls_, weights)
+        copied = [self.controls_.index(name) for name in self.copies_.values()]
+        weights = np.concatenate([weights, weights[:, copied]], axis=1)
+        return CurveSet(times_s, self.controls, weights)
 
     def remarks(self, track: PhoneTrack) -> Iterator[Finding]:
         """What a person should know about this model's motion for `track`."""
@@ -156,6 +165,8 @@ class FittedModel:
             "contacts": self.contacts_.to_json(),
             "holds": self.holds_.to_json(),
             "learned": self._to_json(),
+            **({"copies": self.copies_} if self.copies_ else {}),
+            **({"credits": self.credits_} if self.credits_ else {}),
         }
 
     @classmethod
@@ -173,6 +184,11 @@ class FittedModel:
             model.holds_ = Holds.from_json(
                 document["holds"], frozenset(model.seen_), len(model.controls_)
             )
+            model.copies_ = {str(k): str(v) for k, v in document.get("copies", {}).items()}
+            model.credits_ = str(document.get("credits", ""))
+            originals = set(model.controls_)
+            if not set(model.copies_.values()) <= originals or originals & set(model.copies_):
+                raise ValueError("copies must be of controls, under names of their own")
             if not model.controls_ or not model.seen_:
                 raise ValueError("it has no controls or no phones")
             model._from_json(document["learned"])
@@ -224,6 +240,22 @@ def require_motion(dataset: Dataset) -> None:
             place="dataset",
             action="Add lines with captured motion, or leave that control out.",
         )
+
+
+def _without_copies(dataset: Dataset) -> tuple[Dataset, dict[str, str]]:
+    """The dataset without controls that equal an earlier one in every frame; which they are."""
+    values = np.concatenate([line.values for line in dataset.lines])
+    first: dict[bytes, str] = {}
+    copies = {}
+    for column, name in enumerate(dataset.controls):
+        original = first.setdefault(values[:, column].tobytes(), name)
+        if original != name:
+            copies[name] = original
+    if not copies:
+        return dataset, copies
+    kept = [i for i, name in enumerate(dataset.controls) if name not in copies]
+    lines = tuple(replace(line, values=line.values[:, kept]) for line in dataset.lines)
+    return Dataset(tuple(dataset.controls[i] for i in kept), lines, dataset.findings), copies
 
 
 def _lacks(seen: Mapping[str, int]) -> Iterable[Finding]:

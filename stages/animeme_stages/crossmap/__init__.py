@@ -1,0 +1,1 @@
+"""Tracked lip points mapped to the controls of a character."""
