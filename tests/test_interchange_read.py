@@ -280,3 +280,28 @@ def test_a_length_is_positive(duration_s: float) -> None:
 def test_viseme_events_are_in_order() -> None:
     with pytest.raises(DamagedError):
         Timings((), (), (Span("0", 0.5, 0.5), Span("1", 0.4, 0.4)), None, "azure")
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        (
+            "a.srt",
+            "1\n00:00:00,900 --> 00:00:01,500\nHi\n\n2\n00:00:01,300 --> 00:00:05,000\nthere\n\n"
+            "3\n00:00:06,000 --> 00:00:07,000\nyou\n",
+        ),
+        (
+            "a.vtt",
+            "WEBVTT\n\n00:00.900 --> 00:01.500\nHi\n\n00:01.300 --> 00:05.000\nthere\n\n"
+            "00:06.000 --> 00:07.000\nyou\n",
+        ),
+    ],
+)
+def test_subtitles_beside_each_other_are_one(name: str, text: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    words = read_timings(path).words
+    assert [(w.label, w.start_s, w.end_s) for w in words] == [
+        ("Hi there", 0.9, 5.0),
+        ("you", 6.0, 7.0),
+    ]

@@ -12,7 +12,13 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 from animeme_stages.align.interchange.source import Source
-from animeme_stages.align.interchange.timings import DamagedError, Span, Timings, words_of
+from animeme_stages.align.interchange.timings import (
+    ROUNDING_S,
+    DamagedError,
+    Span,
+    Timings,
+    words_of,
+)
 
 _TIME = r"(?:(\d{{1,4}}):)?([0-5]\d):([0-5]\d){mark}(\d{{3}})"
 _VTT_TIME = _TIME.format(mark=r"\.")
@@ -108,4 +114,20 @@ def _seconds(parts: Sequence[str | None]) -> float:
 
 
 def _timings(cues: Sequence[Span], source: str) -> Timings:
-    return Timings(words_of(cues), (), (), None, source)
+    return Timings(words_of(_apart(cues)), (), (), None, source)
+
+
+def _apart(cues: Sequence[Span]) -> list[Span]:
+    """Cues of which none is shown beside another: those that were are one.
+
+    Both formats allow two at a time; which words are said when is then known of both together.
+    """
+    found: list[Span] = []
+    for cue in cues:
+        before = found[-1] if found else None
+        if before and before.start_s <= cue.start_s < before.end_s - ROUNDING_S:
+            label = f"{before.label} {cue.label}"
+            found[-1] = Span(label, before.start_s, max(before.end_s, cue.end_s))
+        else:
+            found.append(cue)
+    return found
