@@ -374,3 +374,9 @@ def test_real_lines_beside_their_captured_motion(
         said = [label for *_, label in times[entry["id"]] if label not in ("sil", "sp")]
         found = read_timings(tmp_path / "out" / entry["output"])
         assert [word.label for word in found.words] == said
+
+
+def test_an_empty_language_is_not_english(capsys: pytest.CaptureFixture[str]) -> None:
+    ran = command(capsys, "align", DIALOGUE / "en" / "boat.wav", "hello", "--language", "")
+    assert ran.code == 2
+    ran.says("is not a language")

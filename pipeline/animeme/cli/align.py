@@ -107,7 +107,7 @@ def command(
         return _one(
             audio,
             text,
-            language=language or DEFAULT_LANGUAGE,
+            language=DEFAULT_LANGUAGE if language is None else language,
             aligner=aligner,
             lexicon=lexicon,
             output=output,
