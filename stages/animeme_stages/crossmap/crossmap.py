@@ -118,7 +118,7 @@ def _link(lines: Path, output: Path, names: Sequence[str]) -> Iterator[Finding]:
                     continue
                 try:
                     target.symlink_to(os.path.relpath(file.resolve(), output.resolve()))
-                except (OSError, NotImplementedError):
+                except OSError:  # a file system without links
                     shutil.copyfile(file, target)
             except OSError as error:
                 raise unwritable(target, error) from error

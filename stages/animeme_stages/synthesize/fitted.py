@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -26,7 +27,7 @@ SCHEMA = "animeme.model/1"
 SELDOM = 5
 
 
-class FittedModel:
+class FittedModel(ABC):
     """A model that works once it is fitted.
 
     Subclasses set `name` and `Options`, a dataclass with at least `contacts`, and define `_learn`,
@@ -196,17 +197,21 @@ class FittedModel:
             raise ValueError(f"not a {cls.name} model: {error!r}") from error
         return model
 
+    @abstractmethod
     def _learn(self, dataset: Dataset, listener: Listener) -> None:
-        raise NotImplementedError
+        """Fit to `dataset`, whose controls are `controls_`; tell `listener` how far it has come."""
 
+    @abstractmethod
     def _move(self, track: PhoneTrack, times_s: Floats) -> Floats:
-        raise NotImplementedError
+        """The controls at `times_s` (T,), shape (T, N), before contacts and holds."""
 
+    @abstractmethod
     def _to_json(self) -> dict[str, Any]:
-        raise NotImplementedError
+        """What was learned, as plain data."""
 
+    @abstractmethod
     def _from_json(self, learned: Mapping[str, Any]) -> None:
-        raise NotImplementedError
+        """Take what `_to_json` gave; raises ValueError where it does not fit."""
 
 
 @lru_cache(maxsize=4096)
