@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -27,6 +27,35 @@ BEYOND = 0.3
 LIMITS = {False: (0.05, 3.0), True: (0.01, 0.6)}
 
 
+class AnimemeOptions(Protocol):
+    """What the options of both models have in common; see `DamOptions`."""
+
+    @property
+    def degree(self) -> int:
+        """M."""
+        ...
+
+    @property
+    def normalise(self) -> bool:
+        """Whether dominances are divided by their sum."""
+        ...
+
+    @property
+    def spread(self) -> str:
+        """Unit of σ: "seconds" or "lengths"."""
+        ...
+
+    @property
+    def sigma(self) -> float:
+        """Where σ starts."""
+        ...
+
+    @property
+    def hold_s(self) -> float:
+        """See `pairs_of`."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Animemes:
     """U units with coefficients and dominances; N controls, M degree, K parameters per dominance.
@@ -46,6 +75,20 @@ class Animemes:
     normalise: bool
     seconds: bool
     hold_s: float
+
+    @classmethod
+    def empty(
+        cls, dominance: Dominance, options: AnimemeOptions, units: int, controls: int
+    ) -> Animemes:
+        """Units that move nothing, with the σ that fitting starts from."""
+        return cls(
+            dominance=dominance,
+            sigma=np.full((1, units, dominance.parameters), options.sigma),
+            coefficients=np.zeros((units, options.degree + 1, controls)),
+            normalise=options.normalise,
+            seconds=options.spread == "seconds",
+            hold_s=options.hold_s,
+        )
 
     def pairs(self, phones: Spoken, unit: Ints, times_s: Floats) -> Pairs:
         """Which phone is felt at which time."""

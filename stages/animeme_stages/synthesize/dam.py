@@ -87,28 +87,18 @@ class Dam(FittedModel):
         return cls.from_document(json.loads(path.read_text(encoding="utf-8")))
 
     def _empty(self, units: int) -> Animemes:
-        options = self.options
-        return Animemes(
-            dominance=Dominance2012(),
-            sigma=np.full((1, units, 1), options.sigma),
-            coefficients=np.zeros((units, options.degree + 1, len(self.controls_))),
-            normalise=options.normalise,
-            seconds=options.spread == "seconds",
-            hold_s=options.hold_s,
-        )
+        return Animemes.empty(Dominance2012(), self.options, units, len(self.controls_))
 
     def _learn(self, dataset: Dataset, listener: Listener) -> None:
         options = self.options
         phones = spoken([line.track for line in dataset.lines])
         times_s, values = frames_of(dataset, phones.offset_s)
-        symbols = tuple(self.seen_)
         if options.modes == "affinity":
             listener("modes", 0.0)
             self.modes_, unit = find_modes(phones, times_s, values, options.preference)
         else:
-            number = {symbol: i for i, symbol in enumerate(symbols)}
-            unit = np.array([number[symbol] for symbol in phones.symbols])
-        units = len(self.modes_.units) or len(symbols)
+            unit = self.rows(phones.symbols)
+        units = len(self.modes_.units) or len(self.seen_)
         fixed = options.modes == "context"
         self.animemes_ = learn_animemes(
             self._empty(units), phones, unit, times_s, values, degree=options.degree,
@@ -147,15 +137,14 @@ class Dam(FittedModel):
 
     def _move(self, track: PhoneTrack, times_s: Floats) -> Floats:
         phones = spoken([track])
-        stand_ins = [self.stand_in(symbol) for symbol in phones.symbols]
         added = None
         if self.options.modes == "affinity":
+            stand_ins = [self.stand_in(symbol) for symbol in phones.symbols]
             unit = self.modes_.choose(
                 stand_ins, phones.length_s, self.options.context_weight, self.options.smooth_weight
             )
         else:
-            number = {symbol: i for i, symbol in enumerate(self.seen_)}
-            unit = np.array([number[symbol] for symbol in stand_ins])
+            unit = self.rows(phones.symbols)
         if self.options.modes == "context":
             added = self.forest_.coefficients(self.questions_.answers(phones))
         return self.animemes_.move(phones, unit, times_s, added)

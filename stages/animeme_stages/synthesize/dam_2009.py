@@ -10,8 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
-import numpy as np
-
 from animeme.curves import Floats
 from animeme.dataset import Dataset, Listener
 from animeme.phones import PhoneTrack
@@ -48,32 +46,20 @@ class Dam2009(FittedModel):
         self.animemes_ = self._empty(0)
 
     def _empty(self, units: int) -> Animemes:
-        options = self.options
-        return Animemes(
-            dominance=Dominance2009(),
-            sigma=np.full((1, units, 2), options.sigma),
-            coefficients=np.zeros((units, options.degree + 1, len(self.controls_))),
-            normalise=options.normalise,
-            seconds=options.spread == "seconds",
-            hold_s=options.hold_s,
-        )
+        return Animemes.empty(Dominance2009(), self.options, units, len(self.controls_))
 
     def _learn(self, dataset: Dataset, listener: Listener) -> None:
         phones = spoken([line.track for line in dataset.lines])
         times_s, values = frames_of(dataset, phones.offset_s)
         self.animemes_ = learn_animemes(
-            self._empty(len(self.seen_)), phones, self._units(phones.symbols), times_s, values,
+            self._empty(len(self.seen_)), phones, self.rows(phones.symbols), times_s, values,
             degree=self.options.degree, ridge=self.options.ridge, method=self.options.method,
             told=lambda part: listener("dominances", part),
         )  # fmt: skip
 
-    def _units(self, symbols: tuple[str, ...]) -> Any:
-        number = {symbol: i for i, symbol in enumerate(self.seen_)}
-        return np.array([number[self.stand_in(symbol)] for symbol in symbols])
-
     def _move(self, track: PhoneTrack, times_s: Floats) -> Floats:
         phones = spoken([track])
-        return self.animemes_.move(phones, self._units(phones.symbols), times_s)
+        return self.animemes_.move(phones, self.rows(phones.symbols), times_s)
 
     def _to_json(self) -> dict[str, Any]:
         return self.animemes_.to_json()

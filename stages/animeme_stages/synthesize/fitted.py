@@ -21,6 +21,7 @@ from animeme_stages.synthesize.contacts import Contacts, learn_contacts
 from animeme_stages.synthesize.holds import Holds, learn_holds
 from animeme_stages.synthesize.options import read_options
 from animeme_stages.synthesize.sampling import sample_times
+from animeme_stages.synthesize.spoken import Ints
 
 SCHEMA = "animeme.model/1"
 # A phone seen less often than this is fitted, and mentioned.
@@ -154,6 +155,11 @@ class FittedModel(ABC):
     def stand_in(self, symbol: str) -> str:
         """The phone of the training data that moves for `symbol`: itself, or the nearest."""
         return _stand_in(symbol, frozenset(self.seen_))
+
+    def rows(self, symbols: Sequence[str]) -> Ints:
+        """Which of the phones of the training data moves for each symbol, (J,)."""
+        number = {symbol: row for row, symbol in enumerate(self.seen_)}
+        return np.array([number[self.stand_in(symbol)] for symbol in symbols], np.int64)
 
     def to_document(self) -> dict[str, Any]:
         """The ``animeme.model/1`` document that rebuilds this model bit-exactly."""

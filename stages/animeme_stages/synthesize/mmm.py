@@ -122,8 +122,7 @@ class Mmm(FittedModel):
     def grid(self, tracks: list[PhoneTrack], step_s: float) -> Grid:
         """Uniform samples over `tracks`, each to its end."""
         phones = spoken(tracks)
-        number = {symbol: i for i, symbol in enumerate(self.seen_)}
-        row = np.array([number[self.stand_in(symbol)] for symbol in phones.symbols])
+        row = self.rows(phones.symbols)
         counts = [math.ceil(track.duration_s / step_s - 1e-9) + 1 for track in tracks]
         track = np.repeat(np.arange(len(tracks)), counts)
         starts = np.cumsum([0, *counts[:-1]])
