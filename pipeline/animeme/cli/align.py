@@ -13,6 +13,7 @@ from rich.table import Table
 
 from animeme import api, registry
 from animeme.aligning import DEFAULT_LANGUAGE, AlignReport
+from animeme.cli import options as shared
 from animeme.cli.progress import progress
 from animeme.contracts import Alignment
 from animeme.dialogue import TEXT_SUFFIXES, kind_of
@@ -37,39 +38,17 @@ STATUSES: tuple[LineStatus, ...] = ("ok", "review", "failed")
     "--language",
     help="BCP-47 tag. By default each language's own in a dialogue folder, and en elsewhere.",
 )
-@click.option("--aligner", default="pocketsphinx", show_default=True, help="A registered aligner.")
-@click.option(
-    "--lexicon", type=click.Path(path_type=Path), help="Pronunciations that go before all others."
-)
+@shared.aligner
+@shared.lexicon
 @click.option(
     "--output",
     type=click.Path(path_type=Path),
     help="Write the alignment to this file as well, in the --format; of a folder, to this folder.",
 )
-@click.option(
-    "--format",
-    "form",
-    default="textgrid",
-    show_default=True,
-    help="textgrid, ctm, phone-ctm, rhubarb-tsv or alignment.",
-)
-@click.option(
-    "--workers", type=click.IntRange(1), help="Processes for a folder; all processors by default."
-)
-@click.option(
-    "--executor",
-    type=click.Choice(["local", "inline"]),
-    default="local",
-    show_default=True,
-    help="For a folder: supervised processes, or in this one, for debugging.",
-)
-@click.option(
-    "--fail-on",
-    type=click.Choice(["info", "warning", "error"]),
-    default="error",
-    show_default=True,
-    help="Severity of a finding that makes the exit code 1.",
-)
+@shared.timing_format
+@shared.workers
+@shared.executor
+@shared.fail_on
 @click.option(
     "--json",
     "as_json",

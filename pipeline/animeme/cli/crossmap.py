@@ -8,8 +8,9 @@ from pathlib import Path
 import click
 
 from animeme import crossmapping
+from animeme.cli import options as shared
 from animeme.errors import InputError
-from animeme.findings import Severity
+from animeme.findings import Severity, exit_code_of
 
 
 @click.command(
@@ -58,13 +59,7 @@ from animeme.findings import Severity
     type=click.FloatRange(0, min_open=True),
     help="Frames per second, where the landmarks do not say.",
 )
-@click.option(
-    "--fail-on",
-    type=click.Choice(["info", "warning", "error"]),
-    default="error",
-    show_default=True,
-    help="Severity of a finding that makes the exit code 1.",
-)
+@shared.fail_on
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON on stdout.")
 def command(
     landmarks: Path,
@@ -109,5 +104,4 @@ def command(
         click.echo(f"Least well mapped: {listed}", err=True)
     if as_json:
         click.echo(json.dumps(found.to_json(), ensure_ascii=False, indent=1))
-    severity = Severity.parse(fail_on)
-    return int(any(finding.severity >= severity for finding in found.findings))
+    return exit_code_of(found.findings, Severity.parse(fail_on))

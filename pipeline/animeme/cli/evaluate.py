@@ -12,9 +12,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from animeme import registry, training
-from animeme.cli.dataset_options import dataset_options, progress, read
+from animeme.cli.dataset_options import dataset_options, read
+from animeme.cli.progress import parts
 from animeme.errors import InputError
-from animeme.findings import Severity
+from animeme.findings import Severity, exit_code_of
 from animeme.scoring import Closure, captured_recall
 
 
@@ -74,7 +75,7 @@ def command(
     for finding in lines.findings:
         where = f"{finding.line}: " if finding.line else ""
         click.echo(f"{where}{finding}", err=True)
-    with progress() as listener:
+    with parts() as listener:
         compared = training.evaluate(
             lines, [*models, *more], held_out=holdout, closure=closed, listener=listener
         )
@@ -92,7 +93,7 @@ def command(
         click.echo(json.dumps(compared.to_json(), ensure_ascii=False, indent=1))
     else:
         Console().print(_table(compared, lines.controls))
-    return int(any(finding.severity >= Severity.ERROR for finding in lines.findings))
+    return exit_code_of(lines.findings, Severity.ERROR)
 
 
 def _closure(text: str) -> Closure:

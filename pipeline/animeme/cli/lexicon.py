@@ -15,7 +15,7 @@ from animeme import registry
 from animeme.dialogue import Line, find_lines
 from animeme.errors import InputError
 from animeme.files import write_text
-from animeme.findings import Severity
+from animeme.findings import Severity, exit_code_of
 from animeme.job import read_job
 from animeme.preflight import dialogue_of
 from animeme.vocabulary import Survey
@@ -66,7 +66,7 @@ def command(
         _show(survey)
     if output is not None:
         click.echo(f"Wrote {output}: check every line of it.", err=True)
-    return int(any(finding.severity == Severity.ERROR for finding in survey.findings))
+    return exit_code_of(survey.findings, Severity.ERROR)
 
 
 def _lines(path: Path) -> Iterable[Line]:

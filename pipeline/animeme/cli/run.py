@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.markdown import Markdown
 
 from animeme import api
+from animeme.cli import options as shared
 from animeme.cli.progress import progress
 from animeme.executors.local import default_workers
 from animeme.job import read_job
@@ -20,21 +21,9 @@ from animeme.job import read_job
 @click.option(
     "--output", type=click.Path(path_type=Path), help="Output folder in place of the job's."
 )
-@click.option("--workers", type=click.IntRange(1), help="Processes; all processors by default.")
-@click.option(
-    "--executor",
-    type=click.Choice(["local", "inline"]),
-    default="local",
-    show_default=True,
-    help="local: supervised processes; inline: in this one, for debugging.",
-)
-@click.option(
-    "--fail-on",
-    type=click.Choice(["info", "warning", "error"]),
-    default="error",
-    show_default=True,
-    help="Severity of a finding that makes the exit code 1.",
-)
+@shared.workers
+@shared.executor
+@shared.fail_on
 @click.option(
     "--speak", is_flag=True, help="Let espeak-ng speak transcripts that have no recording."
 )

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from animeme import api, registry
+from animeme.cli import options as shared
 
 
 @click.command("speak", epilog='Example: animeme speak "Hallo Welt" --language de --output hi.wav')
@@ -19,13 +20,7 @@ from animeme import api, registry
     type=click.Path(path_type=Path),
     help="Write its words and phones to this file as well, in the --format.",
 )
-@click.option(
-    "--format",
-    "form",
-    default="textgrid",
-    show_default=True,
-    help="textgrid, ctm, phone-ctm, rhubarb-tsv or alignment.",
-)
+@shared.timing_format
 @click.option(
     "--words-per-minute",
     type=click.IntRange(80, 450),

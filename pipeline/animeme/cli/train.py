@@ -10,10 +10,12 @@ from typing import Any
 import click
 
 from animeme import registry, training
-from animeme.cli.dataset_options import dataset_options, progress, read
+from animeme.cli import options as shared
+from animeme.cli.dataset_options import dataset_options, read
+from animeme.cli.progress import parts
 from animeme.dataset import Dataset
 from animeme.errors import InputError
-from animeme.findings import Finding, Severity
+from animeme.findings import Finding, Severity, exit_code_of
 from animeme.phones import ARPABET_TO_IPA, SILENCE
 
 
@@ -34,13 +36,7 @@ from animeme.phones import ARPABET_TO_IPA, SILENCE
     help="An option of the model; more may follow.",
 )
 @dataset_options
-@click.option(
-    "--fail-on",
-    type=click.Choice(["info", "warning", "error"]),
-    default="error",
-    show_default=True,
-    help="Severity of a finding that makes the exit code 1.",
-)
+@shared.fail_on
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON on stdout.")
 def command(
     dataset: Path,
@@ -67,7 +63,7 @@ def command(
     unfitted = kind.configured(training.parse_options([*options, *more]))
     lines = read(dataset, **given)
     started = time.perf_counter()
-    with progress() as listener:
+    with parts() as listener:
         fitted = unfitted.fit(lines, listener=listener)
     took_s = time.perf_counter() - started
     training.save_model(fitted, output)
@@ -88,8 +84,7 @@ def command(
     if as_json:
         effort = {"model": model, "output": str(output), "train_s": took_s}
         click.echo(json.dumps({**effort, **summary}, ensure_ascii=False, indent=1))
-    severity = Severity.parse(fail_on)
-    return int(any(finding.severity >= severity for finding in findings))
+    return exit_code_of(findings, Severity.parse(fail_on))
 
 
 def _summary(lines: Dataset, findings: tuple[Finding, ...]) -> dict[str, Any]:
