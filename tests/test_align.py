@@ -12,8 +12,9 @@ from animeme.contracts import Alignment, Anchor, Speech
 from animeme.errors import InputError
 from animeme.findings import Finding
 from animeme.phones import SILENCE, Phone, PhoneTrack
+from animeme_stages.align.acoustic.features import FRAME_S
 from animeme_stages.align.acoustic.pieces import LONGEST
-from animeme_stages.align.aligner import FRAME_S, PocketSphinxAligner
+from animeme_stages.align.aligner import PocketSphinxAligner
 from animeme_stages.align.doubts import sound_in_pauses
 from animeme_stages.ingest.audio import read_speech
 from conftest import LANGUAGES, SAMPLE

@@ -12,7 +12,7 @@ import pytest
 from animeme.errors import InputError
 from animeme.phones import Word
 from animeme_stages.align.language import language, languages
-from animeme_stages.align.pronounce import dictionary, pronounce
+from animeme_stages.align.pronounce import pronounce
 from animeme_stages.align.tags import timed_tags, unpaired_brackets
 from animeme_stages.align.text import tokens
 from animeme_stages.ingest.transcript import read_transcript
@@ -92,7 +92,7 @@ def use(text: str, tag: str) -> int:
     events = timed_tags(text, words)
     assert [e.time_s for e in events] == sorted(e.time_s for e in events)
     list(unpaired_brackets(text))
-    spoken = pronounce(found, settings, dictionary().__contains__, "fuzz")
+    spoken = pronounce(found, settings, "fuzz")
     assert len(spoken) <= len(found)
     return len(found)
 

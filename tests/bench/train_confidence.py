@@ -98,10 +98,10 @@ def _everything(jobs: int) -> dict[str, Found]:
 
 def _found(case: Case) -> tuple[str, str, Heard | None]:
     language = language_of(case.line.language)
-    _, variants = spoken_words(" ".join(case.words), language, case.line.id)
+    words = spoken_words(" ".join(case.words), language, case.line.id)
     samples = read_speech(case.line.audio).samples
     try:
-        heard = hear(acoustic_model(), samples, [sounds_of(each) for each in variants])
+        heard = hear(acoustic_model(), samples, [sounds_of(word) for word in words])
     except UnsayableError:
         return case.line.language, case.kind, None
     return case.line.language, case.kind, heard

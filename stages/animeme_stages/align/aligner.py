@@ -14,10 +14,10 @@ from animeme.contracts import Alignment, Anchor, Speech
 from animeme.errors import InputError
 from animeme.findings import Severity
 from animeme.phones import Inventory, Phone, PhoneTrack, Word, contiguous
-from animeme_stages.align.acoustic.features import HOP, RATE_HZ, WINDOW
+from animeme_stages.align.acoustic.features import FRAME_S, RATE_HZ, WINDOW
 from animeme_stages.align.acoustic.hear import Heard, HeardWord, UnsayableError, Window, hear
 from animeme_stages.align.acoustic.model import acoustic_model
-from animeme_stages.align.cmudict import Pronunciation, in_dictionary, pronunciations
+from animeme_stages.align.cmudict import Pronunciation
 from animeme_stages.align.confidence import calibration, judge
 from animeme_stages.align.doubts import anchor_doubts, doubts, require_likeness
 from animeme_stages.align.language import Language, languages
@@ -28,7 +28,6 @@ from animeme_stages.align.rate import rate_doubt
 from animeme_stages.align.tags import timed_tags, unpaired_brackets
 from animeme_stages.align.text import tokens
 
-FRAME_S = HOP / RATE_HZ
 # A frame's features describe its window's centre, but frame n is counted from n × 10 ms: half a
 # window less half a hop too early.
 OFFSET_S = (WINDOW / RATE_HZ - FRAME_S) / 2
@@ -59,9 +58,9 @@ class PocketSphinxAligner:
         if speech.rate_hz != RATE_HZ:
             raise ValueError(f"the acoustic model needs {RATE_HZ} Hz, not {speech.rate_hz}")
         settings = language_of(language)
-        words, variants = spoken_words(text, settings, str(speech.source), lexicon)
-        heard = _heard(speech, words, variants, anchors)
-        track = _track(heard, words, variants, settings.inventory, language, text, speech)
+        words = spoken_words(text, settings, str(speech.source), lexicon)
+        heard = _heard(speech, words, anchors)
+        track = _track(heard, words, settings.inventory, language, text, speech)
         judgement = judge(heard, calibration(settings.family), settings.tag)
         require_likeness(judgement, speech)
         findings = (
@@ -78,8 +77,8 @@ class PocketSphinxAligner:
 
 def spoken_words(
     text: str, language: Language, place: str, lexicon: Path | None = None
-) -> tuple[list[SpokenWord], list[tuple[Pronunciation, ...]]]:
-    """The words of a transcript, and all pronunciations of each.
+) -> list[SpokenWord]:
+    """The words of a transcript, each with all of its pronunciations.
 
     Args:
         text: the transcript.
@@ -91,13 +90,12 @@ def spoken_words(
         InputError: no word has a sound, or some cannot be pronounced.
     """
     own = _lexicon(lexicon, language.tag, _version(lexicon)) if lexicon else None
-    words = pronounce(tokens(text, language), language, in_dictionary, place, own)
-    return words, [word.variants or pronunciations(word.token.text, language) for word in words]
+    return pronounce(tokens(text, language), language, place, own)
 
 
-def sounds_of(variants: Sequence[Pronunciation]) -> list[tuple[str, ...]]:
-    """Pronunciations in the acoustic model's phones."""
-    return [tuple(sound for _, group in variant for sound in group) for variant in variants]
+def sounds_of(word: SpokenWord) -> list[tuple[str, ...]]:
+    """A word's pronunciations in the acoustic model's phones."""
+    return [tuple(sound for _, group in variant for sound in group) for variant in word.variants]
 
 
 @cache
@@ -114,13 +112,8 @@ def _version(path: Path) -> tuple[int, int]:
     return (state.st_mtime_ns, state.st_size)
 
 
-def _heard(
-    speech: Speech,
-    words: Sequence[SpokenWord],
-    variants: Sequence[tuple[Pronunciation, ...]],
-    anchors: Sequence[Anchor],
-) -> Heard:
-    sounds = [sounds_of(each) for each in variants]
+def _heard(speech: Speech, words: Sequence[SpokenWord], anchors: Sequence[Anchor]) -> Heard:
+    sounds = [sounds_of(word) for word in words]
     try:
         return hear(acoustic_model(), speech.samples, sounds, _windows(words, anchors))
     except UnsayableError:
@@ -158,7 +151,6 @@ def _window(anchor: Anchor) -> Window:
 def _track(
     heard: Heard,
     words: Sequence[SpokenWord],
-    variants: Sequence[tuple[Pronunciation, ...]],
     inventory: Inventory,
     language: str,
     text: str,
@@ -167,8 +159,8 @@ def _track(
     """Words and phones, in seconds, from what was heard."""
     phones: list[Phone] = []
     timed: list[Word] = []
-    for entry, word, spellings in zip(heard.words, words, variants, strict=True):
-        spoken = list(_word_phones(entry, spellings[entry.variant]))
+    for entry, word in zip(heard.words, words, strict=True):
+        spoken = list(_word_phones(entry, word.variants[entry.variant]))
         phones += spoken
         source = (word.token.start, word.token.end)
         start_s, end_s = spoken[0].start_s, min(spoken[-1].end_s, speech.duration_s)

@@ -69,16 +69,18 @@ def _entry(word: str) -> tuple[tuple[str, ...], ...]:
     found: list[tuple[str, ...]] = []
     for name in (word, *(f"{word}({number})" for number in range(2, 10))):
         key = f"\n{name} ".encode()
-        at = _text().find(key)
+        at = dictionary_text().find(key)
         if at < 0:
             break
         start = at + len(key)
-        found.append(tuple(_text()[start : _text().index(b"\n", start)].decode().split()))
+        found.append(
+            tuple(dictionary_text()[start : dictionary_text().index(b"\n", start)].decode().split())
+        )
     return tuple(found)
 
 
 @cache
-def _text() -> bytes:
-    """The dictionary as it is: looking a word up takes less than reading all 134,000."""
+def dictionary_text() -> bytes:
+    """The dictionary as it is: looking a word up takes less than parsing all 134,000."""
     path = Path(pocketsphinx.get_model_path("en-us")) / "cmudict-en-us.dict"
     return b"\n" + path.read_bytes() + b"\n"

@@ -10,9 +10,9 @@ from animeme.contracts import Anchor, Speech
 from animeme.errors import InputError
 from animeme.findings import Finding, Severity
 from animeme.phones import SILENCE, Phone, PhoneTrack
+from animeme_stages.align.acoustic.features import FRAME_S
 from animeme_stages.align.confidence import Judgement
 
-FRAME_S = 0.01
 # A line whose words are in doubt from this share on is in doubt as a whole.
 MOST_WORDS = 0.5
 # A person wants to know where to listen, not everything.

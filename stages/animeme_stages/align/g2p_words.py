@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 from animeme.phones import ARPABET_TO_IPA
+from animeme_stages.align.cmudict import dictionary_text
 from animeme_stages.align.g2p import Guesser
 
 Pronunciations = tuple[tuple[str, ...], ...]
@@ -118,13 +119,9 @@ def _with_s(phones: tuple[str, ...]) -> tuple[str, ...]:
 @cache
 def english_words() -> EnglishWords:
     """What is known from the CMU dictionary that comes with PocketSphinx."""
-    import pocketsphinx
-
-    path = f"{pocketsphinx.get_model_path('en-us')}/cmudict-en-us.dict"
     known: dict[str, tuple[str, ...]] = {}
-    with open(path, encoding="utf-8") as lines:
-        for line in lines:
-            word, *phones = line.split() or [""]
-            if "(" not in word and phones and set(phones) <= ARPABET_TO_IPA.keys():
-                known[word] = tuple(phones)
+    for line in dictionary_text().decode().splitlines():
+        word, *phones = line.split() or [""]
+        if "(" not in word and phones and set(phones) <= ARPABET_TO_IPA.keys():
+            known[word] = tuple(phones)
     return EnglishWords(known)

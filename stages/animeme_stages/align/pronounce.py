@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 
 from animeme.errors import InputError
 from animeme.phones import ARPABET_TO_IPA
+from animeme_stages.align.cmudict import Pronunciation, in_dictionary, pronunciations
 from animeme_stages.align.espeak import espeak, plain_symbol
 from animeme_stages.align.g2p_words import can_spell, english_words
 from animeme_stages.align.language import Language, acoustic_phones
 from animeme_stages.align.lexicon import Lexicon
 from animeme_stages.align.readers import holds_script
 from animeme_stages.align.text import Token
-
-Pronunciation = tuple[tuple[str, tuple[str, ...]], ...]
-"""Phones to report, each with the acoustic phones that stand for it."""
 
 
 @dataclass(frozen=True)
@@ -26,27 +23,16 @@ class SpokenWord:
 
     Attributes:
         token: the word and its place in the transcript.
-        key: its name in the decoder's dictionary.
-        phones: its first pronunciation; empty where the decoder's own dictionary is used and its
-            phones are reported as they are.
-        others: further pronunciations, each as good as the first.
+        variants: its pronunciations, at least one; each is as good as the first.
     """
 
     token: Token
-    key: str
-    phones: Pronunciation = ()
-    others: tuple[Pronunciation, ...] = ()
-
-    @property
-    def variants(self) -> tuple[Pronunciation, ...]:
-        """All pronunciations; none where the decoder's own dictionary is used."""
-        return (self.phones, *self.others) if self.phones else ()
+    variants: tuple[Pronunciation, ...]
 
 
 def pronounce(
     tokens: Sequence[Token],
     language: Language,
-    in_dictionary: Callable[[str], bool],
     place: str,
     lexicon: Lexicon | None = None,
 ) -> list[SpokenWord]:
@@ -55,7 +41,6 @@ def pronounce(
     Args:
         tokens: words in speaking order.
         language: theirs.
-        in_dictionary: whether the decoder's own (English) dictionary has a word.
         place: the transcript's file, for messages.
         lexicon: the user's pronunciations, which come before all others.
 
@@ -67,10 +52,9 @@ def pronounce(
     for token in tokens:
         own = _from_lexicon(token.text, language, lexicon) if lexicon else ()
         if own:
-            key = f"{language.tag}:{token.text}:{zlib.crc32(repr(own).encode()):08x}"
-            spoken.append(SpokenWord(token, key, own[0], own[1:]))
+            spoken.append(SpokenWord(token, own))
         elif language.inventory == "arpabet" and in_dictionary(token.text):
-            spoken.append(SpokenWord(token, token.text))
+            spoken.append(SpokenWord(token, pronunciations(token.text, language)))
         else:
             try:
                 found = guess(token, language)
@@ -82,7 +66,7 @@ def pronounce(
                 unknown[token.text] = error.action
                 continue
             if found:
-                spoken.append(SpokenWord(token, _key(token, language), found[0], found[1:]))
+                spoken.append(SpokenWord(token, found))
     if unknown:
         raise InputError(
             "word-unknown",
@@ -98,12 +82,6 @@ def pronounce(
             action="Write what is said in the recording, or take the line out of the folder.",
         )
     return spoken
-
-
-def _key(token: Token, language: Language) -> str:
-    """A name for the decoder's dictionary: one character may have several readings."""
-    reading = ":" + "".join(token.phones) if token.phones else ""
-    return f"{language.tag}:{token.text}{reading}"
 
 
 def _from_lexicon(word: str, language: Language, lexicon: Lexicon) -> tuple[Pronunciation, ...]:

@@ -18,6 +18,7 @@ Floats = NDArray[np.float32]
 
 RATE_HZ = 16_000
 HOP = 160
+FRAME_S = HOP / RATE_HZ
 WINDOW = 410
 # Windows that are transformed at once.
 _BLOCK = 1000
