@@ -9,6 +9,8 @@ import pytest
 
 import animeme
 from animeme.findings import RunReport
+from support.bad_input import BAD, GOOD
+from support.jobs import SmallJob, small_job
 
 ROOT = Path(__file__).parents[1]
 SAMPLE = ROOT / "sample_assets"
@@ -22,6 +24,18 @@ def shared() -> Path:
     if not (folder / "assets").is_dir():
         pytest.skip("no ../shared with real data and assets beside this checkout")
     return folder
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> SmallJob:
+    """A crab with a line that stays sound and one to be broken."""
+    return small_job(tmp_path / "job", GOOD, BAD)
+
+
+@pytest.fixture
+def wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A terminal so wide that no table breaks its lines."""
+    monkeypatch.setenv("COLUMNS", "300")
 
 
 @pytest.fixture(scope="session")

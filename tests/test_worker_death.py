@@ -4,26 +4,18 @@ from __future__ import annotations
 
 import json
 import os
-import random
 import select
 import signal
 import subprocess
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from animeme.executors import Executor, Result
-from animeme.executors.inline import InlineExecutor
-from animeme.executors.local import LocalExecutor
 from support.jobs import CONSOLE, PATIENCE_S, Ran, SmallJob, console, small_job
-
-TESTS = Path(__file__).parent
-
-# --- a studio's plug-in, and the runs it is in --------------------------------------------------
+from support.patience import patience
 
 STUDIO = '''
 """An aligner that does to its process what the line's name says."""
@@ -316,169 +308,3 @@ def test_the_workers_of_a_killed_run_end_with_it(tmp_path: Path, fake_studio: Pa
         process.kill()
         process.wait(timeout=PATIENCE_S)
         assert_all_end(process.pid)
-
-
-# --- the executor by itself ---------------------------------------------------------------------
-
-
-@pytest.fixture(autouse=True)
-def importable(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let children import the tasks."""
-    monkeypatch.setenv("PYTHONPATH", str(TESTS))
-
-
-@contextmanager
-def patience(seconds: int = 30) -> Iterator[None]:
-    """Fail what would otherwise go on for ever."""
-
-    def lose(*_: object) -> None:
-        pytest.fail(f"still at it after {seconds} s")
-
-    previous = signal.signal(signal.SIGALRM, lose)
-    signal.alarm(seconds)
-    try:
-        yield
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, previous)
-
-
-def results(
-    function: str,
-    items: Sequence[Any],
-    *,
-    executor: Executor | None = None,
-    timeout_s: float = PATIENCE_S,
-    retries: int = 1,
-) -> list[Result]:
-    """Results of tasks of `support.work`, by index; each item has exactly one."""
-    chosen = executor or LocalExecutor(2)
-    with patience():
-        found = list(
-            chosen.run(f"support.work:{function}", items, timeout_s=timeout_s, retries=retries)
-        )
-    assert sorted(result.index for result in found) == list(range(len(items)))
-    return sorted(found, key=lambda result: result.index)
-
-
-EXECUTORS = [
-    pytest.param(InlineExecutor(), id="inline"),
-    pytest.param(LocalExecutor(1), id="one"),
-    pytest.param(LocalExecutor(3), id="three"),
-]
-
-
-@pytest.mark.parametrize("executor", EXECUTORS)
-def test_every_item_gives_its_value(executor: Executor) -> None:
-    found = results("double", range(20), executor=executor)
-    assert [result.value for result in found] == [2 * number for number in range(20)]
-    assert {(r.outcome, r.error, r.attempt) for r in found} == {("ok", "", 1)}
-    assert all(result.wall_s >= 0 and result.cpu_s >= 0 for result in found)
-
-
-@pytest.mark.parametrize("executor", EXECUTORS)
-def test_no_items_give_no_results(executor: Executor) -> None:
-    assert results("double", [], executor=executor) == []
-
-
-@pytest.mark.parametrize("executor", EXECUTORS)
-def test_what_a_task_raises_becomes_its_result(executor: Executor) -> None:
-    bad, good = results("refuse", ["bad", "good"], executor=executor)
-    assert (bad.outcome, bad.value, bad.attempt) == ("error", None, 1)
-    assert bad.error.strip().endswith("LookupError: no such thing as bad")
-    assert "work.py" in bad.error
-    assert (good.outcome, good.value) == ("ok", "good")
-
-
-@pytest.mark.parametrize("executor", EXECUTORS)
-def test_a_function_that_is_not_there_is_an_error_of_every_item(executor: Executor) -> None:
-    found = results("no_such_function", [1, 2], executor=executor)
-    assert [result.outcome for result in found] == ["error", "error"]
-    assert "no_such_function" in found[0].error
-
-
-def test_one_worker_gives_results_in_order() -> None:
-    with patience():
-        run = LocalExecutor(1).run("support.work:double", range(9), timeout_s=60, retries=1)
-        assert [result.index for result in run] == list(range(9))
-
-
-def test_a_worker_does_many_tasks() -> None:
-    found = results("process_id", range(20))
-    assert 1 <= len({result.value for result in found}) <= 2
-    assert os.getpid() not in {result.value for result in found}
-
-
-def test_a_hanging_task_is_given_up_after_its_retries() -> None:
-    (hung,) = results("hang", ["long"], timeout_s=0.5)
-    assert (hung.outcome, hung.value, hung.attempt) == ("timeout", None, 2)
-    assert "0.5 s" in hung.error
-
-
-def test_a_hanging_task_costs_only_itself() -> None:
-    found = results("hang", ["good", "long", "good", "good"], timeout_s=3.0, retries=0)
-    assert [result.outcome for result in found] == ["ok", "timeout", "ok", "ok"]
-
-
-@pytest.mark.parametrize(
-    ("how", "code"), [("exit", "7"), ("kill", str(-signal.SIGKILL)), ("quit", "4")]
-)
-def test_a_task_that_ends_its_process_is_tried_again_and_then_given_up(how: str, code: str) -> None:
-    found = results("die", ["good", how, "good", "good"])
-    assert [result.outcome for result in found] == ["ok", "crash", "ok", "ok"]
-    assert found[1].attempt == 2
-    assert found[1].error.endswith(f"exit code {code}")
-
-
-@pytest.mark.parametrize("retries", [0, 2])
-def test_a_crash_is_retried_as_often_as_allowed(retries: int) -> None:
-    (crash,) = results("die", ["exit"], retries=retries)
-    assert (crash.outcome, crash.attempt) == ("crash", retries + 1)
-
-
-def test_random_kills_lose_nothing(tmp_path: Path) -> None:
-    victims = set(random.Random(7).sample(range(200), 10))
-    items = [(n, str(tmp_path / str(n)) if n in victims else "") for n in range(200)]
-    found = results("die_once", items)
-    assert [result.value for result in found] == list(range(200))
-    assert {result.index for result in found if result.attempt == 2} == victims
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_worker_that_is_killed_between_two_tasks_costs_nothing(workers: int) -> None:
-    with patience(10):
-        run = iter(
-            LocalExecutor(workers).run("support.work:process_id", range(3), timeout_s=60, retries=1)
-        )
-        first = next(run)
-        with open(os.pidfd_open(first.value)) as handle:
-            os.kill(first.value, signal.SIGKILL)
-            select.select([handle], [], [])
-        rest = list(run)
-    assert [(result.outcome, result.attempt) for result in rest] == [("ok", 1), ("ok", 1)]
-
-
-@pytest.mark.parametrize("item", ["unpicklable", "unloadable"])
-def test_a_value_that_cannot_travel_is_an_error_of_its_item(
-    item: str, capfd: pytest.CaptureFixture[str]
-) -> None:
-    found = results("odd_value", ["good", item, "good"])
-    assert [result.outcome for result in found] == ["ok", "error", "ok"]
-    assert "Traceback" not in capfd.readouterr().err
-
-
-def test_an_abandoned_run_leaves_no_process() -> None:
-    run = iter(LocalExecutor(2).run("support.work:process_id", range(9), timeout_s=60, retries=1))
-    worker = next(run).value
-    assert isinstance(run, Generator)
-    run.close()
-    with pytest.raises(ProcessLookupError):
-        os.kill(worker, 0)
-
-
-def test_a_run_leaves_the_environment_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("OMP_NUM_THREADS", "3")
-    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
-    before = dict(os.environ)
-    results("double", [1])
-    assert dict(os.environ) == before

@@ -22,6 +22,7 @@ SAMPLE = Path(__file__).resolve().parents[2] / "sample_assets"
 CONSOLE = Path(sys.executable).with_name("animeme")
 # Far beyond what any of these runs takes; a run that reaches it hangs.
 PATIENCE_S = 60.0
+Capture = pytest.CaptureFixture[str]
 
 
 @dataclass(frozen=True)
