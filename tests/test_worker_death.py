@@ -33,7 +33,7 @@ resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 class Deadly(PocketSphinxAligner):
     name = "deadly"
 
-    def align(self, speech, text, *, language, lexicon=None, anchors=()):
+    def align(self, speech, text, *, language, lexicon=None, anchors=(), voice=None):
         kind = speech.source.stem
         if kind == "exits":
             os._exit(7)

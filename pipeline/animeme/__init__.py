@@ -11,7 +11,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from animeme.api import align, align_folder, load_character, load_model, run, speak
+    from animeme.api import (
+        align,
+        align_folder,
+        learn_voices,
+        load_character,
+        load_model,
+        run,
+        speak,
+    )
     from animeme.crossmapping import crossmap
     from animeme.errors import AnimemeError, InputError, JobError, PluginError
     from animeme.training import evaluate, read_dataset, save_model, train
@@ -20,6 +28,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "align": "animeme.api",
     "align_folder": "animeme.api",
+    "learn_voices": "animeme.api",
     "load_character": "animeme.api",
     "load_model": "animeme.api",
     "run": "animeme.api",
@@ -44,6 +53,7 @@ __all__ = [
     "align_folder",
     "crossmap",
     "evaluate",
+    "learn_voices",
     "load_character",
     "load_model",
     "read_dataset",

@@ -122,6 +122,7 @@ def align_lines(
     language: str | None,
     aligner: str,
     lexicon: Path | None,
+    voices: Path | None,
     output: Path | None,
     format: str,
     fail_on: Severity = Severity.ERROR,
@@ -136,6 +137,7 @@ def align_lines(
         language: of the whole folder; None for that of each language's folder, or else English.
         aligner: a registered aligner.
         lexicon: pronunciations that go before the aligner's own.
+        voices: folder of learned voices, or one voice for all lines, or None.
         output: where the timings go, as the lines are laid out in `folder`; None writes nothing.
         format: of the timings, as the stage ``write-timings`` calls it.
         fail_on: severity at which the report's exit code turns 1.
@@ -150,13 +152,14 @@ def align_lines(
     suffix = registry.stage("timings-suffix")(format) if output is not None else ""
     if lexicon is not None:
         registry.stage("check-lexicon")(lexicon)
-    lines = _lines_below(folder, language, aligner, _inside(folder, output))
+    _require_there(voices)
+    lines = lines_below(folder, language, aligner, _inside(folder, output))
     targets = [None if output is None else output / f"{id}{suffix}" for id in lines]
     if output is not None:
         _require_writable(output)
         _require_free(folder, output, [*lines.values()], [t for t in targets if t], lexicon)
     items = [
-        AlignItem(line, aligner, lexicon, target, format)
+        AlignItem(line, aligner, lexicon, voices, target, format)
         for line, target in zip(lines.values(), targets, strict=True)
     ]
     results = executor.run(name_of(align_line), items, timeout_s=LINE_TIMEOUT_S, retries=RETRIES)
@@ -171,10 +174,31 @@ def align_lines(
     return AlignReport(in_order, output, fail_on, cpu_s(executor) - cpu_before_s)
 
 
-def _lines_below(
-    folder: Path, language: str | None, aligner: str, without: Path | None
+def _require_there(voices: Path | None) -> None:
+    if voices is not None and not voices.exists():
+        raise InputError(
+            "voice-unusable",
+            "there are no such voices",
+            place=str(voices),
+            action="Check the name, or learn them: animeme voice.",
+        )
+
+
+def lines_below(
+    folder: Path, language: str | None, aligner: str, without: Path | None = None
 ) -> dict[str, Line]:
-    """The folder's lines by id, sorted."""
+    """The lines below a folder by id, sorted.
+
+    Args:
+        folder: recordings with their transcripts or timings; a dialogue folder
+            (``<language>/…``) if its folders are languages and `language` is None.
+        language: of the whole folder; None for that of each language's folder, or else English.
+        aligner: says which languages there are.
+        without: a folder that is left out.
+
+    Raises:
+        InputError: there are no lines, or their language is not clear or not known.
+    """
     known = registry.aligner(aligner).languages()
     if language is not None:
         _require_known(language, aligner, known)

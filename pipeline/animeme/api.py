@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 from animeme import registry
-from animeme.aligning import AlignReport, align_lines
+from animeme.aligning import AlignReport, align_lines, lines_below
 from animeme.contracts import Alignment, Model, Spoken
+from animeme.dialogue import Line
+from animeme.errors import InputError
 from animeme.executors import Executor
 from animeme.executors.inline import InlineExecutor
 from animeme.executors.local import LocalExecutor, default_workers
 from animeme.findings import RunReport, Severity
 from animeme.job import read_job
+from animeme.preflight import dialogue_of
 from animeme.rig import Character
 from animeme.runner import Listener, run_job
-from animeme.tasks import align_speech
+from animeme.tasks import Means, align_speech
+from animeme.voices import VoicesReport
+from animeme.voices import learn_voices as learn
 
 
 def run(
@@ -83,6 +89,7 @@ def align(
     language: str = "en",
     aligner: str = "pocketsphinx",
     lexicon: str | Path | None = None,
+    voice: str | Path | None = None,
 ) -> Alignment:
     """Find when each phone of a transcript is spoken.
 
@@ -94,6 +101,7 @@ def align(
         language: BCP-47 tag.
         aligner: a registered aligner.
         lexicon: pronunciations that go before the aligner's own.
+        voice: how the speaker sounds; see `learn_voices`.
 
     Returns:
         The phone track, and findings about it and the recording.
@@ -114,14 +122,13 @@ def align(
     if text is None and timings is None:
         raise ValueError("there is neither text nor timings")
     speech = registry.stage("read-speech")(Path(audio))
-    own = Path(lexicon) if lexicon is not None else None
+    means = Means(aligner, _path(lexicon), _path(voice))
     found = align_speech(
         speech,
         None if text is None else lambda: text,
-        Path(timings) if timings is not None else None,
+        _path(timings),
         language=language,
-        aligner=aligner,
-        lexicon=own,
+        means=means,
     )
     return replace(found, findings=(*speech.findings, *found.findings))
 
@@ -134,6 +141,7 @@ def align_folder(
     language: str | None = None,
     aligner: str = "pocketsphinx",
     lexicon: str | Path | None = None,
+    voices: str | Path | None = None,
     executor: Literal["inline", "local"] = "inline",
     workers: int | None = None,
     fail_on: str = "error",
@@ -150,6 +158,7 @@ def align_folder(
             English.
         aligner: a registered aligner.
         lexicon: pronunciations that go before the aligner's own.
+        voices: folder of learned voices, or one voice for all lines; see `learn_voices`.
         executor, workers, listener: as for `run`.
         fail_on: severity at which `AlignReport.exit_code` turns 1.
 
@@ -168,8 +177,6 @@ def align_folder(
         (18, 'de/boat')
     """
     _require_executor(executor, workers)
-    own = Path(lexicon) if lexicon is not None else None
-    target = Path(output) if output is not None else None
     severity = Severity.parse(fail_on)
 
     def work(chosen: Executor) -> AlignReport:
@@ -178,8 +185,9 @@ def align_folder(
             chosen,
             language=language,
             aligner=aligner,
-            lexicon=own,
-            output=target,
+            lexicon=_path(lexicon),
+            voices=_path(voices),
+            output=_path(output),
             format=format,
             fail_on=severity,
             listener=listener,
@@ -189,6 +197,86 @@ def align_folder(
         return work(InlineExecutor())
     with LocalExecutor(workers or default_workers()) as pool:
         return work(pool)
+
+
+def learn_voices(
+    path: str | Path,
+    *,
+    output: str | Path | None = None,
+    language: str | None = None,
+    aligner: str | None = None,
+    lexicon: str | Path | None = None,
+    executor: Literal["inline", "local"] = "inline",
+    workers: int | None = None,
+    fail_on: str = "error",
+    listener: Listener = lambda _: None,
+) -> VoicesReport:
+    """Learn how each speaker sounds, to align their lines with more certainty.
+
+    A voice is learned per language and character from the lines that are beyond doubt. The same
+    lines give the same voice.
+
+    Args:
+        path: a job file, or a folder of recordings with their transcripts, as for `align_folder`.
+        output: folder of the voices; None for the job's ``[align] voices``.
+        language: BCP-47 tag of a whole folder.
+        aligner: a registered aligner; None for the job's, or else "pocketsphinx".
+        lexicon: pronunciations that go before the aligner's own; None for the job's.
+        executor, workers, listener: as for `run`.
+        fail_on: severity at which `VoicesReport.exit_code` turns 1.
+
+    Returns:
+        What became of each voice.
+
+    Raises:
+        InputError: there are no lines, no output, or the aligner learns no voices.
+        JobError: the job cannot be read.
+        ValueError: an argument is none of those that are listed.
+
+    Example:
+        >>> import animeme, tempfile
+        >>> voices = tempfile.mkdtemp()
+        >>> report = animeme.learn_voices("sample_assets/dialogue", output=voices)
+        >>> [voice.language for voice in report.voices]
+        ['de', 'en', 'es']
+    """
+    _require_executor(executor, workers)
+    severity = Severity.parse(fail_on)
+    target, chosen, words = _path(output), aligner or "pocketsphinx", _path(lexicon)
+    if Path(path).suffix.lower() == ".toml":
+        job = read_job(Path(path))
+        lines: Sequence[Line] = dialogue_of(job)
+        target, words, chosen = target or job.voices, words or job.lexicon, aligner or job.aligner
+    else:
+        lines = tuple(lines_below(Path(path), language, chosen).values())
+    if target is None:
+        raise InputError(
+            "output-missing",
+            "nothing says where the voices are to be",
+            place=str(path),
+            action='Give --output, or say in the job\'s [align] section: voices = "voices".',
+        )
+    folder = target
+
+    def work(executor: Executor) -> VoicesReport:
+        return learn(
+            lines,
+            executor,
+            aligner=chosen,
+            lexicon=words,
+            output=folder,
+            fail_on=severity,
+            listener=listener,
+        )
+
+    if executor == "inline":
+        return work(InlineExecutor())
+    with LocalExecutor(workers or default_workers()) as pool:
+        return work(pool)
+
+
+def _path(given: str | Path | None) -> Path | None:
+    return None if given is None else Path(given)
 
 
 def speak(

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Protocol, Self
+from typing import Any, ClassVar, Literal, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,6 +110,7 @@ class Aligner(Protocol):
         language: str,
         lexicon: Path | None = None,
         anchors: Sequence[Anchor] = (),
+        voice: Path | None = None,
     ) -> Alignment:
         """Align `text` with `speech`.
 
@@ -120,9 +121,55 @@ class Aligner(Protocol):
             lexicon: pronunciations that go before the aligner's own.
             anchors: times that are known; a word whose place in `text` is within one is spoken
                 within its time.
+            voice: how the speaker sounds, as this aligner learned it (see `VoiceLearner`).
 
         Raises:
-            InputError: text or audio cannot be used, or do not belong together.
+            InputError: text, audio or voice cannot be used, or text and audio do not belong
+                together.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class LearnedVoice:
+    """What a voice was learned from.
+
+    Attributes:
+        lines: how many were learned from.
+        refused: how many were in doubt or could not be aligned.
+        audio_s: length of those learned from, seconds.
+        written: whether that was enough for a voice.
+    """
+
+    lines: int
+    refused: int
+    audio_s: float
+    written: bool
+
+
+@runtime_checkable
+class VoiceLearner(Protocol):
+    """What an aligner may offer: to learn how a speaker sounds, and to align better with it."""
+
+    def learn_voice(
+        self,
+        lines: Iterable[tuple[Speech, str]],
+        target: Path,
+        *,
+        language: str,
+        lexicon: Path | None = None,
+    ) -> LearnedVoice:
+        """Learn from lines of one speaker, and write to `target` what `align` takes as `voice`.
+
+        Args:
+            lines: recordings with their transcripts, in an order that is always the same; lines in
+                doubt are left out.
+            target: file to write; left alone if the lines tell too little.
+            language: BCP-47 tag of all lines.
+            lexicon: pronunciations that go before the aligner's own.
+
+        Raises:
+            InputError: the lexicon or `target` cannot be used.
         """
         ...
 

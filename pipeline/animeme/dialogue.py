@@ -160,6 +160,28 @@ def _line(language: str, character: str, name: str, files: list[Path]) -> Line |
     )
 
 
+def voice_of(voices: Path | None, line: Line) -> Path | None:
+    """The voice that says a line, None if nobody learned it.
+
+    Args:
+        voices: a folder of voices (see `voice_path`), one voice for all lines, or None.
+        line: the line.
+    """
+    if voices is None or voices.is_file():
+        return voices
+    path = voice_path(voices, line.language, line.character)
+    return path if path.is_file() else None
+
+
+def voice_path(voices: Path, language: str, character: str) -> Path:
+    """Where the voice is that says a character's lines in a language.
+
+    ``<language>/<character>.voice``; ``<language>.voice`` for lines that are no character's own.
+    """
+    folder = voices / language if character else voices
+    return folder / f"{character or language}.voice"
+
+
 def kind_of(file: Path) -> str:
     """What a file is to its line: "audio", "text", "timings", "mouth shapes" or "other".
 

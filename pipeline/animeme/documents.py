@@ -65,6 +65,11 @@ class AlignSection(Document):
     lexicon: str | None = Field(
         None, description="Pronunciations of your own, relative to the job file."
     )
+    voices: str | None = Field(
+        None,
+        description="Folder of voices that `animeme voice` learned, or one voice for all lines, "
+        "relative to the job file.",
+    )
 
 
 class ModelSection(Document):

@@ -46,6 +46,7 @@ class Job:
         speak: speak transcripts that have no recording.
         aligner: name of the aligner.
         lexicon: pronunciations of the user's, or None.
+        voices: folder of learned voices, or one voice for all, or None.
         model: name of the model, used if there is no `model_file`.
         model_file: model document, or None.
         rate_hz: sampling rate of the curves.
@@ -60,6 +61,7 @@ class Job:
     speak: bool
     aligner: str
     lexicon: Path | None
+    voices: Path | None
     model: str
     model_file: Path | None
     rate_hz: float
@@ -119,6 +121,7 @@ def _job(document: JobDocument, path: Path, output: Path | None) -> Job:
         speak=document.dialogue.speak,
         aligner=document.align.aligner,
         lexicon=folder / document.align.lexicon if document.align.lexicon else None,
+        voices=folder / document.align.voices if document.align.voices else None,
         model=document.model.name,
         model_file=model_file,
         rate_hz=document.curves.rate_hz,

@@ -87,6 +87,21 @@ def _missing_shapes(target: Target) -> Finding:
     )
 
 
+def missing_voices(job: Job) -> list[Finding]:
+    """A warning where the job's voices are not there."""
+    if job.voices is None or job.voices.exists():
+        return []
+    return [
+        Finding(
+            Severity.WARNING,
+            "voices-missing",
+            "there are no such voices: lines are aligned as if nobody knew their speakers",
+            place=str(job.voices),
+            action=f"Learn them: animeme voice {job.source}.",
+        )
+    ]
+
+
 def require_free_outputs(plan: Plan) -> None:
     """Make sure that no file which the run reads is one that it would write.
 
@@ -115,7 +130,7 @@ def _inputs(plan: Plan) -> Iterator[Path]:
     yield job.source
     yield from (target.asset.source for target in plan.targets)
     yield from (job.folder / character.rig for character in job.characters)
-    yield from (path for path in (job.model_file, job.lexicon) if path is not None)
+    yield from (path for path in (job.model_file, job.lexicon, job.voices) if path)
     for line in plan.lines:
         yield from (line.audio, line.transcript)
         yield from () if line.timings is None else (line.timings,)

@@ -24,6 +24,7 @@ from animeme.preflight import (
     dialogue_of,
     load_plugins,
     load_targets,
+    missing_voices,
     require_distinct_companions,
     require_free_outputs,
     stale_outputs,
@@ -87,6 +88,7 @@ def run_job(
     require_distinct_companions(plan)
     require_free_outputs(plan)
     digests = {target.asset.source: sha256(target.asset.source) for target in targets}
+    findings += missing_voices(job)
     with _output_folder(job.output) as spool, _log(plan, findings) as ledger:
         ledger.record("start", job=job.name, lines=len(lines), targets=len(targets))
         _save_context(plan, spool)
@@ -117,6 +119,7 @@ def _save_context(plan: Plan, spool: Path) -> None:
         plan.targets,
         job.aligner,
         job.lexicon,
+        job.voices,
         job.model,
         job.model_file,
         job.rate_hz,

@@ -27,7 +27,7 @@ from animeme.contracts import (
     Spoken,
 )
 from animeme.curves import CurveSet, reduce_keys
-from animeme.dialogue import Line
+from animeme.dialogue import Line, voice_of
 from animeme.errors import InputError
 from animeme.files import unwritable, write_text
 from animeme.findings import Finding, Severity
@@ -58,6 +58,7 @@ class RunContext:
         targets: assets in the job's order.
         aligner: name of the aligner.
         lexicon: pronunciations of the user's, or None.
+        voices: folder of learned voices, or None.
         model: name of the model, or None if there is a file.
         model_file: model document.
         rate_hz, max_error: of the curves.
@@ -68,6 +69,7 @@ class RunContext:
     targets: tuple[Target, ...]
     aligner: str
     lexicon: Path | None
+    voices: Path | None
     model: str | None
     model_file: Path | None
     rate_hz: float
@@ -111,6 +113,21 @@ class LineOutcome:
 
 
 @dataclass(frozen=True)
+class Means:
+    """With what a line is aligned.
+
+    Attributes:
+        aligner: name of the aligner.
+        lexicon: pronunciations of the user's, or None.
+        voice: how the speaker sounds, as the aligner learned it, or None.
+    """
+
+    aligner: str
+    lexicon: Path | None = None
+    voice: Path | None = None
+
+
+@dataclass(frozen=True)
 class AlignItem:
     """Work on one line whose timings are all that is wanted.
 
@@ -118,6 +135,7 @@ class AlignItem:
         line: the line.
         aligner: name of the aligner.
         lexicon: pronunciations of the user's, or None.
+        voices: folder of learned voices, or None.
         output: file to write if the line is good, or None.
         format: its format, as the stage ``write-timings`` calls it.
     """
@@ -125,6 +143,7 @@ class AlignItem:
     line: Line
     aligner: str
     lexicon: Path | None
+    voices: Path | None
     output: Path | None
     format: str
 
@@ -202,7 +221,11 @@ def make_line(item: LineItem) -> LineOutcome:
             registry.stage("write-speech")(spoken, speech_path(context.output, item.line))
 
     return _timed_line(
-        item.line, context.aligner, context.lexicon, animate, save, speak=context.speak
+        item.line,
+        Means(context.aligner, context.lexicon, voice_of(context.voices, item.line)),
+        animate,
+        save,
+        speak=context.speak,
     )
 
 
@@ -213,13 +236,13 @@ def align_line(item: AlignItem) -> LineOutcome:
         if item.output is not None:
             registry.stage("write-timings")(alignment.track, item.output, item.format)
 
-    return _timed_line(item.line, item.aligner, item.lexicon, lambda _: (), save)
+    means = Means(item.aligner, item.lexicon, voice_of(item.voices, item.line))
+    return _timed_line(item.line, means, lambda _: (), save)
 
 
 def _timed_line(
     line: Line,
-    aligner: str,
-    lexicon: Path | None,
+    means: Means,
     use: Callable[[Alignment], Iterable[Finding]],
     save: Callable[[Alignment, Spoken | None], None],
     *,
@@ -247,8 +270,7 @@ def _timed_line(
                 _transcript(line),
                 line.timings,
                 language=line.language,
-                aligner=aligner,
-                lexicon=lexicon,
+                means=means,
             )
         findings += [*speech.findings, *alignment.findings, *use(alignment)]
         if not any(finding.severity == Severity.ERROR for finding in findings):
@@ -276,8 +298,7 @@ def align_speech(
     timings: Path | None,
     *,
     language: str,
-    aligner: str,
-    lexicon: Path | None,
+    means: Means,
 ) -> Alignment:
     """The phones of a recording: as somebody timed them, or as the aligner finds them.
 
@@ -286,16 +307,20 @@ def align_speech(
         text: gives what is said in it; None if only `timings` tell.
         timings: of phones or words, or None.
         language: BCP-47 tag.
-        aligner: name of the aligner.
-        lexicon: pronunciations that go before the aligner's own.
+        means: how to align.
 
     Raises:
         InputError: one of them cannot be used, or they do not fit together.
     """
 
     def align(words: str, anchors: Sequence[Anchor] = ()) -> Alignment:
-        return registry.aligner(aligner).align(
-            speech, words, language=language, lexicon=lexicon, anchors=anchors
+        return registry.aligner(means.aligner).align(
+            speech,
+            words,
+            language=language,
+            lexicon=means.lexicon,
+            anchors=anchors,
+            voice=means.voice,
         )
 
     if timings is None:

@@ -143,6 +143,12 @@ def check_aligner(aligner: Aligner, speech: Speech, text: str, *, language: str)
             aligner.align(bad_speech, bad_text, language=language)
     assert aligner.align(speech, text, language=language) == first, "order must not matter"
     try:
+        aligner.align(speech, text, language=language, voice=speech.source)
+    except InputError:
+        pass
+    else:
+        raise AssertionError("a recording is no voice: it must be refused with InputError")
+    try:
         aligner.align(speech, text, language="zxx")
     except InputError:
         return

@@ -1,6 +1,6 @@
 """Print every figure of docs/alignment.md, from the data in ../shared.
 
-    python tests/bench/alignment.py [times] [doubts] [prompts] [cost] [long]
+    python tests/bench/alignment.py [times] [doubts] [voices] [prompts] [cost] [long]
 
 Thresholds and weights were fitted on every other line (the 1st, 3rd, … by name), see
 tests/bench/train_confidence.py; ``doubts`` uses the other lines only.
@@ -17,7 +17,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -55,11 +56,14 @@ def main() -> None:
         PARTS[part]()
 
 
-def outcome(case: Case) -> tuple[str, float, str]:
+def outcome(case: Case, voice: Path | None = None) -> tuple[str, float, str]:
     """Status, confidence (0 if refused) and what was found."""
     try:
         found = ALIGNER.align(
-            read_speech(case.line.audio), " ".join(case.words), language=case.line.language
+            read_speech(case.line.audio),
+            " ".join(case.words),
+            language=case.line.language,
+            voice=voice,
         )
     except InputError as error:
         return "failed", 0.0, f"{error.code}: {error.problem}"
@@ -67,9 +71,9 @@ def outcome(case: Case) -> tuple[str, float, str]:
     return "review" if found.findings else "ok", found.score or 0.0, said
 
 
-def outcomes(found: Iterable[Case]) -> list[tuple[str, float, str]]:
+def outcomes(found: Iterable[Case], voice: Path | None = None) -> list[tuple[str, float, str]]:
     with get_context("spawn").Pool() as pool:
-        return pool.map(outcome, list(found), chunksize=8)
+        return pool.map(partial(outcome, voice=voice), list(found), chunksize=8)
 
 
 def times() -> None:
@@ -149,25 +153,53 @@ def doubts() -> None:
     sets += [(f"prompts {tag}", prompt_lines(tag)[1::2], 3) for tag in PROMPT_LANGUAGES]
     for name, lines, each in sets:
         damaged = list(cases(lines, TEST_SEED, each))
-        found = outcomes(damaged)
-        kinds: dict[str, list[tuple[str, float]]] = {}
-        for case, (status, score, _) in zip(damaged, found, strict=True):
-            kinds.setdefault(case.kind, []).append((status, score))
         print(f"{name}, {len(lines)} lines that nothing was fitted on:")
-        for kind, rows in kinds.items():
-            statuses = Counter(status for status, _ in rows)
-            flagged = 1 - statuses["ok"] / len(rows)
-            print(f"  {kind}: {flagged:.1%} not ok of {len(rows)} {dict(statuses)}")
-        right = np.array([score for _, score in kinds["right"]])
-        print("  ROC (false alarms: share found)")
-        for alarms in (0.005, 0.01, 0.02, 0.05):
-            bar = np.quantile(right, alarms)
-            shares = ", ".join(
-                f"{kind} {np.mean([score <= bar for _, score in rows]):.1%}"
-                for kind, rows in kinds.items()
-                if kind != "right"
-            )
-            print(f"    {alarms:.1%}: {shares}")
+        _print_doubts(damaged, outcomes(damaged))
+
+
+def voices() -> None:
+    """The same with a voice that the other half of each speaker's lines taught."""
+    sets: list[tuple[str, tuple[RealLine, ...], int]] = [("grid-s1", grid_lines(), 2)]
+    sets += [(f"prompts {tag}", prompt_lines(tag), 3) for tag in PROMPT_LANGUAGES]
+    with tempfile.TemporaryDirectory() as folder:
+        for name, lines, each in sets:
+            for share in (1, 8) if name == "grid-s1" else (1,):
+                voice = Path(folder) / f"{name} {share}.voice"
+                teaching = lines[:: 2 * share]
+                started = time.process_time()
+                learned = ALIGNER.learn_voice(
+                    ((read_speech(line.audio), " ".join(line.words)) for line in teaching),
+                    voice,
+                    language=lines[0].language,
+                )
+                used_s = time.process_time() - started
+                print(f"{name}, a voice of {learned}, {used_s:.0f} CPU-s, {_size(voice)}:")
+                damaged = list(cases(lines[1::2], TEST_SEED, each))
+                _print_doubts(damaged, outcomes(damaged, voice))
+
+
+def _size(path: Path) -> str:
+    return f"{path.stat().st_size / 1e6:.1f} MB"
+
+
+def _print_doubts(damaged: Sequence[Case], found: Sequence[tuple[str, float, str]]) -> None:
+    kinds: dict[str, list[tuple[str, float]]] = {}
+    for case, (status, score, _) in zip(damaged, found, strict=True):
+        kinds.setdefault(case.kind, []).append((status, score))
+    for kind, rows in kinds.items():
+        statuses = Counter(status for status, _ in rows)
+        flagged = 1 - statuses["ok"] / len(rows)
+        print(f"  {kind}: {flagged:.1%} not ok of {len(rows)} {dict(statuses)}")
+    right = np.array([score for _, score in kinds["right"]])
+    print("  ROC (false alarms: share found)")
+    for alarms in (0.005, 0.01, 0.02, 0.05):
+        bar = np.quantile(right, alarms)
+        shares = ", ".join(
+            f"{kind} {np.mean([score <= bar for _, score in rows]):.1%}"
+            for kind, rows in kinds.items()
+            if kind != "right"
+        )
+        print(f"    {alarms:.1%}: {shares}")
 
 
 def prompts() -> None:
@@ -271,6 +303,7 @@ def _one(audio: Path, text: Path) -> None:
 PARTS: dict[str, Callable[[], None]] = {
     "times": times,
     "doubts": doubts,
+    "voices": voices,
     "prompts": prompts,
     "cost": cost,
     "long": long,

@@ -16,7 +16,7 @@ from animeme.aligning import DEFAULT_LANGUAGE, AlignReport
 from animeme.cli import options as shared
 from animeme.cli.progress import progress
 from animeme.contracts import Alignment
-from animeme.dialogue import TEXT_SUFFIXES, kind_of
+from animeme.dialogue import TEXT_SUFFIXES, kind_of, voice_path
 from animeme.errors import InputError
 from animeme.executors.inline import InlineExecutor
 from animeme.findings import LineStatus, Severity, exit_code_of
@@ -41,6 +41,11 @@ STATUSES: tuple[LineStatus, ...] = ("ok", "review", "failed")
 @shared.aligner
 @shared.lexicon
 @click.option(
+    "--voices",
+    type=click.Path(path_type=Path),
+    help="What `animeme voice` learned: a folder of voices, or one voice for all lines.",
+)
+@click.option(
     "--output",
     type=click.Path(path_type=Path),
     help="Write the alignment to this file as well, in the --format; of a folder, to this folder.",
@@ -61,6 +66,7 @@ def command(
     language: str | None,
     aligner: str,
     lexicon: Path | None,
+    voices: Path | None,
     output: Path | None,
     form: str,
     workers: int | None,
@@ -89,6 +95,7 @@ def command(
             language=DEFAULT_LANGUAGE if language is None else language,
             aligner=aligner,
             lexicon=lexicon,
+            voices=voices,
             output=output,
             form=form,
             fail_on=fail_on,
@@ -104,6 +111,7 @@ def command(
             language=language,
             aligner=aligner,
             lexicon=lexicon,
+            voices=voices,
             executor="inline" if executor == "inline" else "local",
             workers=workers,
             fail_on=fail_on,
@@ -124,6 +132,7 @@ def _one(
     language: str,
     aligner: str,
     lexicon: Path | None,
+    voices: Path | None,
     output: Path | None,
     form: str,
     fail_on: str,
@@ -137,8 +146,16 @@ def _one(
         file, said = None, text
         if Path(text).suffix.lower() in TEXT_SUFFIXES:
             said = registry.stage("read-transcript")(Path(text))
+    if voices is not None and voices.is_dir():
+        voices = voice_path(voices, language, "")
     alignment = api.align(
-        audio, said, timings=file, language=language, aligner=aligner, lexicon=lexicon
+        audio,
+        said,
+        timings=file,
+        language=language,
+        aligner=aligner,
+        lexicon=lexicon,
+        voice=voices,
     )
     if output is not None:
         registry.stage("write-timings")(alignment.track, output, form)

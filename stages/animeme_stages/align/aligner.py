@@ -5,18 +5,18 @@ Settings and their reasons are measured facts, recorded in ``docs/alignment.md``
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import ClassVar
 
-from animeme.contracts import Alignment, Anchor, Speech
+from animeme.contracts import Alignment, Anchor, LearnedVoice, Speech
 from animeme.errors import InputError
 from animeme.findings import Severity
 from animeme.phones import Inventory, Phone, PhoneTrack, Word, contiguous
 from animeme_stages.align.acoustic.features import FRAME_S, RATE_HZ, WINDOW
 from animeme_stages.align.acoustic.hear import Heard, HeardWord, UnsayableError, Window, hear
-from animeme_stages.align.acoustic.model import acoustic_model
+from animeme_stages.align.acoustic.model import AcousticModel, acoustic_model
 from animeme_stages.align.cmudict import Pronunciation
 from animeme_stages.align.confidence import calibration, judge
 from animeme_stages.align.doubts import anchor_doubts, doubts, require_likeness
@@ -27,10 +27,14 @@ from animeme_stages.align.pronounce import SpokenWord, pronounce
 from animeme_stages.align.rate import rate_doubt
 from animeme_stages.align.tags import timed_tags, unpaired_brackets
 from animeme_stages.align.text import tokens
+from animeme_stages.align.voice import Example, learn, read_voice, write_voice
 
 # A frame's features describe its window's centre, but frame n is counted from n × 10 ms: half a
 # window less half a hop too early.
 OFFSET_S = (WINDOW / RATE_HZ - FRAME_S) / 2
+
+# Less than this of a voice tells too little of it.
+LEAST_VOICE_S, LEAST_VOICE_LINES = 30.0, 10
 
 # The most that a line in doubt may have, whatever else speaks for it: from 0.5 on it is trusted.
 MOST_IN_DOUBT = 0.49
@@ -53,26 +57,68 @@ class PocketSphinxAligner:
         language: str,
         lexicon: Path | None = None,
         anchors: Sequence[Anchor] = (),
+        voice: Path | None = None,
     ) -> Alignment:
         """Align `text` with `speech`; see `animeme.contracts.Aligner`."""
-        if speech.rate_hz != RATE_HZ:
-            raise ValueError(f"the acoustic model needs {RATE_HZ} Hz, not {speech.rate_hz}")
-        settings = language_of(language)
-        words = spoken_words(text, settings, str(speech.source), lexicon)
-        heard = _heard(speech, words, anchors)
-        track = _track(heard, words, settings.inventory, language, text, speech)
-        judgement = judge(heard, calibration(settings.family), settings.tag)
-        require_likeness(judgement, speech)
-        findings = (
-            *unpaired_brackets(text),
-            *doubts(judgement, track),
-            *anchor_doubts(track, anchors),
-            *rate_doubt(track),
-        )
-        sure = judgement.confidence
-        if any(finding.severity >= Severity.WARNING for finding in findings):
-            sure = min(sure, MOST_IN_DOUBT)
-        return Alignment(track, findings, round(sure, 4))
+        return _aligned(speech, text, language, lexicon, anchors, voice)[0]
+
+    def learn_voice(
+        self,
+        lines: Iterable[tuple[Speech, str]],
+        target: Path,
+        *,
+        language: str,
+        lexicon: Path | None = None,
+    ) -> LearnedVoice:
+        """Learn how a speaker sounds; see `animeme.contracts.VoiceLearner`."""
+        examples = []
+        refused = 0
+        for speech, text in lines:
+            try:
+                found, heard, words = _aligned(speech, text, language, lexicon)
+            except InputError:
+                refused += 1
+                continue
+            if found.findings or speech.findings:
+                refused += 1
+            else:
+                sounds = [sounds_of(word) for word in words]
+                examples.append(Example(speech.samples, sounds, heard.senones))
+        audio_s = sum(len(example.samples) for example in examples) / RATE_HZ
+        enough = audio_s >= LEAST_VOICE_S and len(examples) >= LEAST_VOICE_LINES
+        if enough:
+            write_voice(learn(examples, language_of(language).family), target)
+        return LearnedVoice(len(examples), refused, round(audio_s, 3), enough)
+
+
+def _aligned(
+    speech: Speech,
+    text: str,
+    language: str,
+    lexicon: Path | None,
+    anchors: Sequence[Anchor] = (),
+    voice: Path | None = None,
+) -> tuple[Alignment, Heard, list[SpokenWord]]:
+    if speech.rate_hz != RATE_HZ:
+        raise ValueError(f"the acoustic model needs {RATE_HZ} Hz, not {speech.rate_hz}")
+    settings = language_of(language)
+    own = None if voice is None else read_voice(voice, settings.family)
+    words = spoken_words(text, settings, str(speech.source), lexicon)
+    heard = _heard(own.model if own else acoustic_model(), speech, words, anchors)
+    track = _track(heard, words, settings.inventory, language, text, speech)
+    known = own.calibration if own else calibration(settings.family)
+    judgement = judge(heard, known, settings.tag)
+    require_likeness(judgement, speech)
+    findings = (
+        *unpaired_brackets(text),
+        *doubts(judgement, track),
+        *anchor_doubts(track, anchors),
+        *rate_doubt(track),
+    )
+    sure = judgement.confidence
+    if any(finding.severity >= Severity.WARNING for finding in findings):
+        sure = min(sure, MOST_IN_DOUBT)
+    return Alignment(track, findings, round(sure, 4)), heard, words
 
 
 def spoken_words(
@@ -112,10 +158,12 @@ def _version(path: Path) -> tuple[int, int]:
     return (state.st_mtime_ns, state.st_size)
 
 
-def _heard(speech: Speech, words: Sequence[SpokenWord], anchors: Sequence[Anchor]) -> Heard:
+def _heard(
+    model: AcousticModel, speech: Speech, words: Sequence[SpokenWord], anchors: Sequence[Anchor]
+) -> Heard:
     sounds = [sounds_of(word) for word in words]
     try:
-        return hear(acoustic_model(), speech.samples, sounds, _windows(words, anchors))
+        return hear(model, speech.samples, sounds, _windows(words, anchors))
     except UnsayableError:
         count = sum(min(map(len, each)) for each in sounds)
         raise InputError(

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -29,6 +29,9 @@ Table = dict[str, Doubles]
 
 NEVER_MET = -1
 """Stands for a phone of which nothing is known."""
+
+# A phone that was met less often than this many times is led towards what is known of all.
+SHRINKAGE = 20.0
 
 # Standard scores further out than this are cut: a single broken measure must not decide.
 FURTHEST = 6.0
@@ -78,7 +81,8 @@ class Calibration:
         usual: by base phone of the model; `NEVER_MET` for the others.
         words, gaps: the scores.
         share: how much the mean of all words counts.
-        thresholds: by language; "" for the others. A line above its own is in doubt.
+        thresholds: by language; "" for the others. A line above its own is in doubt. Of a voice,
+            "" alone: how far that is above the median of the voice's own right lines.
     """
 
     usual: Mapping[int, Usual]
@@ -90,6 +94,25 @@ class Calibration:
     def threshold(self, language: str) -> float:
         """Score of a line, above which it is in doubt."""
         return self.thresholds.get(language, self.thresholds[""])
+
+    def score(self, heard: Heard) -> float:
+        """How doubtful a line is, on no scale but its own."""
+        words, gaps = measures(heard, self.usual)
+        return pooled(self.words(words), self.gaps(gaps), self.share)
+
+    def of_voice(self, right: Sequence[Heard]) -> Calibration:
+        """The calibration of one voice, made of that of voices in general.
+
+        Args:
+            right: lines of that voice that say their transcripts, none of them learned from.
+        """
+        own = replace(self, usual=usual_values(right, self.usual))
+        median = float(np.median([own.score(heard) for heard in right]))
+        return self.fitted(own.usual, round(median + self.thresholds[""], 4))
+
+    def fitted(self, usual: Mapping[int, Usual], threshold: float) -> Calibration:
+        """The same weights, with what one voice has of its own."""
+        return replace(self, usual=usual, thresholds={"": threshold})
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,11 +169,57 @@ def surplus(places: int) -> float:
     return float(np.log(places / _PLACES))
 
 
+def usual_values(
+    lines: Sequence[Heard], known: Mapping[int, Usual] | None = None
+) -> dict[int, Usual]:
+    """What is usual for each phone.
+
+    Args:
+        lines: they say their transcripts.
+        known: what is usual in general; None for the mean over all phones of `lines`.
+    """
+    met: dict[int, list[tuple[float, float]]] = {}
+    for heard in lines:
+        for word in heard.words:
+            for phone in word.phones:
+                row = (float(np.log(phone.length)), -phone.gain / phone.length)
+                met.setdefault(phone.phone, []).append(row)
+    everyone = np.array([row for rows in met.values() for row in rows])
+    all_alike = _usual(everyone.mean(axis=0), everyone.var(axis=0))
+    usual = {**(known or {}), NEVER_MET: all_alike}
+    for base, rows in sorted(met.items()):
+        prior = usual.get(base, all_alike)
+        mean, deviation = np.array([prior.log_length, prior.loss]).T
+        own = np.array(rows)
+        count = len(own) + SHRINKAGE
+        middle = (own.sum(axis=0) + SHRINKAGE * mean) / count
+        variance = (((own - middle) ** 2).sum(axis=0) + SHRINKAGE * deviation**2) / count
+        usual[base] = _usual(middle, variance)
+    return usual
+
+
+def _usual(mean: Doubles, variance: Doubles) -> Usual:
+    deviation = np.sqrt(variance)
+    return Usual(
+        (round(float(mean[0]), 4), round(float(deviation[0]), 4)),
+        (round(float(mean[1]), 4), round(float(deviation[1]), 4)),
+    )
+
+
 @cache
 def calibration(family: str) -> Calibration:
-    """The calibration of a family: "en", or "mapped" for languages whose phones are mapped."""
+    """The calibration of a family: "en", or "mapped" for languages whose phones are mapped.
+
+    "en-voice" and "mapped-voice" are for recordings whose voice was learned.
+    """
+    return calibration_from(json.loads(calibration_text(family)))
+
+
+@cache
+def calibration_text(family: str) -> str:
+    """The calibration of a family as JSON text, always the same."""
     text = files("animeme_stages.align").joinpath("confidence.json").read_text(encoding="utf-8")
-    return calibration_from(json.loads(text)["families"][family])
+    return json.dumps(json.loads(text)["families"][family], sort_keys=True)
 
 
 def calibration_from(data: Mapping[str, Any]) -> Calibration:

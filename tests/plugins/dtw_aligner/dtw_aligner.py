@@ -61,8 +61,16 @@ class DtwAligner:
         language: str,
         lexicon: Path | None = None,
         anchors: Sequence[Anchor] = (),
+        voice: Path | None = None,
     ) -> Alignment:
         """Align `text` with `speech`; see `animeme.contracts.Aligner`."""
+        if voice is not None:
+            raise InputError(
+                "voice-unsupported",
+                "this aligner uses no voices",
+                place=str(voice),
+                action="Leave it out.",
+            )
         if speech.duration_s > LONGEST_S:
             raise _refused("audio-too-long", f"is longer than {LONGEST_S:.0f} s", speech)
         if len(text) > MOST_CHARACTERS_PER_S * max(speech.duration_s, 1.0):

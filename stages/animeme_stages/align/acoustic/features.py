@@ -43,6 +43,11 @@ _MOST_GAIN = 20.0
 _SMOOTH = 4
 
 
+def frame_count(samples: int) -> int:
+    """Frames of a recording of so many samples; one shorter than a window is led to its length."""
+    return 1 + max(0, samples - WINDOW) // HOP
+
+
 def levels_db(samples: NDArray[np.int16]) -> NDArray[np.float64]:
     """Mean power of each window in dB, 0 for digital silence, (T,)."""
     parts = [

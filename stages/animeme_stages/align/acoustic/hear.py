@@ -9,12 +9,18 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from animeme_stages.align.acoustic.features import WINDOW, active, features, levels_db
+from animeme_stages.align.acoustic.features import (
+    WINDOW,
+    active,
+    features,
+    frame_count,
+    levels_db,
+)
 from animeme_stages.align.acoustic.model import STATES, AcousticModel
 from animeme_stages.align.acoustic.network import PAUSE, Network, Sounds, network
 from animeme_stages.align.acoustic.pieces import Piece, Score, least_frames, pieces
 from animeme_stages.align.acoustic.rivals import Rivals, rivals
-from animeme_stages.align.acoustic.search import Scores, score, search
+from animeme_stages.align.acoustic.search import Scores, Streams, score, search
 
 Window = tuple[float, float]
 """Frames within which a word has to be."""
@@ -59,11 +65,26 @@ class Heard:
         words: in order.
         rivals: over all words.
         pauses: (words + 1,) frames of pause before each word and after the last.
+        senones: (T,) the model's state at each frame.
     """
 
     words: tuple[HeardWord, ...]
     rivals: Rivals
     pauses: NDArray[np.int64]
+    senones: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """A recording as the acoustic model hears it, T frames.
+
+    Attributes:
+        streams: cepstra and their differences.
+        quiet: (T,) frames without sound.
+    """
+
+    streams: Streams
+    quiet: NDArray[np.bool_]
 
 
 class UnsayableError(ValueError):
@@ -87,26 +108,31 @@ def hear(
     Raises:
         UnsayableError: there are fewer frames than the words have states.
     """
-    if len(samples) < WINDOW:
-        samples = np.pad(samples, (0, WINDOW - len(samples)))
-    level_db = levels_db(samples)
-    _require_sayable(words, len(level_db))
-    counted = active(level_db)
-    quiet = level_db < np.percentile(level_db[counted], _LOUD_PERCENTILE) - _QUIET_DB
-    streams = features(samples, counted)
-    frames = len(level_db)
+    _require_sayable(words, frame_count(len(samples)))
+    frames = frames_of(samples)
 
     def scored(start: int, end: int, net: Network, first: int) -> Scores:
-        part = (streams[0][start:end], streams[1][start:end], streams[2][start:end])
-        found = score(model, part, net, quiet[start:end])
+        cepstra, slopes, curvatures = frames.streams
+        part = (cepstra[start:end], slopes[start:end], curvatures[start:end])
+        found = score(model, part, net, frames.quiet[start:end])
         _require_windows(found, net, windows[first : first + net.words], start)
         return found
 
     parts = [
         _hear_piece(model, piece, words[piece.first : piece.last], scored)
-        for piece in pieces(model, words, frames, scored)
+        for piece in pieces(model, words, len(frames.quiet), scored)
     ]
     return _joined(parts)
+
+
+def frames_of(samples: NDArray[np.int16]) -> Frames:
+    """The frames of a recording, mono at the model's rate; at least one."""
+    if len(samples) < WINDOW:
+        samples = np.pad(samples, (0, WINDOW - len(samples)))
+    level_db = levels_db(samples)
+    counted = active(level_db)
+    quiet = level_db < np.percentile(level_db[counted], _LOUD_PERCENTILE) - _QUIET_DB
+    return Frames(features(samples, counted), quiet)
 
 
 def _require_sayable(words: Sequence[Sequence[Sounds]], frames: int) -> None:
@@ -159,6 +185,7 @@ def _hear_piece(
         tuple(HeardWord(variant, tuple(phones)) for variant, phones in said_words),
         rivals(net, scores, found),
         pauses,
+        net.senones[found.path],
     )
 
 
@@ -179,4 +206,5 @@ def _joined(parts: Sequence[Heard]) -> Heard:
             between,
         ),
         pauses,
+        np.concatenate([part.senones for part in parts]),
     )

@@ -7,6 +7,7 @@ File formats: CMU Sphinx's S3 binary, ``mdef`` and ``sendump``, as their own hea
 
 from __future__ import annotations
 
+import hashlib
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ Indices = NDArray[np.int64]
 
 STATES = 3
 SILENCE_PHONE = "SIL"
+_FILES = ("mdef", "means", "variances", "sendump", "transition_matrices")
 _BYTE_ORDER = 0x11223344
 _VARIANCE_FLOOR = 1e-4
 # sendump keeps negative logs to the base 1.0001, shifted right by 10 bits.
@@ -72,7 +74,7 @@ class AcousticModel:
 @cache
 def acoustic_model() -> AcousticModel:
     """The model, read once per process (0.2 s, 60 MB)."""
-    folder = Path(pocketsphinx.get_model_path("en-us")) / "en-us"
+    folder = _folder()
     means = _gaussians(folder / "means")
     variances = [np.maximum(v, _VARIANCE_FLOOR) for v in _gaussians(folder / "variances")]
     phones, entries, sequences = _phones(folder / "mdef")
@@ -86,8 +88,8 @@ def acoustic_model() -> AcousticModel:
     return AcousticModel(
         phones=phones,
         index={name: number for number, name in enumerate(phones)},
-        projections=tuple(np.concatenate([m / v, -0.5 / v], axis=2) for m, v in pairs),
-        constants=tuple(-0.5 * (np.log(2 * np.pi * v) + m * m / v).sum(axis=2) for m, v in pairs),
+        projections=tuple(projection(mean, variance) for mean, variance in pairs),
+        constants=tuple(constant(mean, variance) for mean, variance in pairs),
         mixtures=_mixtures(folder / "sendump", len(means), means[0].shape[1], len(codebooks)),
         codebooks=codebooks,
         sequences=sequences,
@@ -96,6 +98,31 @@ def acoustic_model() -> AcousticModel:
         stay=stay,
         leave=leave,
     )
+
+
+@cache
+def model_digest() -> str:
+    """Hexadecimal SHA-256 of the files that the model is read from."""
+    whole = hashlib.sha256()
+    for name in _FILES:
+        with (_folder() / name).open("rb") as stream:
+            whole.update(hashlib.file_digest(stream, "sha256").digest())
+    return whole.hexdigest()
+
+
+def _folder() -> Path:
+    return Path(pocketsphinx.get_model_path("en-us")) / "en-us"
+
+
+def projection(mean: Floats, variance: Floats) -> Floats:
+    """What a frame and its square are multiplied by for their log densities."""
+    return np.concatenate([mean / variance, -0.5 / variance], axis=2)
+
+
+def constant(mean: Floats, variance: Floats) -> Floats:
+    """What is then added."""
+    found: Floats = -0.5 * (np.log(2 * np.pi * variance) + mean * mean / variance).sum(axis=2)
+    return found
 
 
 def _s3_body(path: Path) -> tuple[bytes, int]:
