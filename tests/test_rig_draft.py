@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from animeme import documents
 from animeme.errors import InputError
 from animeme_stages.retarget.draft import draft_profile
-from animeme_stages.retarget.profiles import bind, read_profile
+from animeme_stages.retarget.profile_files import read_profile
+from animeme_stages.retarget.profiles import bind
 from support.rigs import character
 
 ODD_NAMES = {
@@ -61,7 +62,7 @@ NAMES = st.lists(
 @settings(deadline=None, derandomize=True, max_examples=150)
 def test_a_draft_of_any_names_is_toml(names: list[str], name: str) -> None:
     data = tomllib.loads(draft_profile(character(names), name))
-    assert data["schema"] == "animeme.rig/1"
+    assert data["schema"] == "animeme.rig/2"
     assert data["name"] == name
     documents.KINDS["rig"].model_validate(data)
 

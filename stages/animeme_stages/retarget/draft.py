@@ -46,7 +46,7 @@ def draft_profile(character: Character, name: str) -> str:
     lines = [
         "# Drafted from shape names: check every line, and place the shapes listed at the end.",
         "# Controls are ARKit's; weights that several controls give to one shape add up.",
-        'schema = "animeme.rig/1"',
+        'schema = "animeme.rig/2"',
         f"name = {_toml(name)}",
         "",
         "[controls]",
