@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -49,8 +49,19 @@ def read_profile(path: Path) -> RigProfile:
     Raises:
         InputError: the file, or one that it extends, is no sound rig document.
     """
-    data = _whole(path, ())
-    problems = [f"{Places(path).of(*keys)}: {text}" for keys, text in _problems(data)]
+    return _profile(_whole(path, ()))
+
+
+def _whole(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
+    """A sound document with `*` written out, on top of what it extends."""
+    data = documents.read("rig", path)
+    for table in _TABLES:
+        data[table] = _both_sides(data[table])
+    base = data.pop("extends")
+    if base is not None:
+        _inherit(data, _base(base, path, (*above, path.resolve())))
+    places = Places(path)
+    problems = [f"{places.of(*keys)}: {text}" for keys, text in _problems(data)]
     if problems:
         raise InputError(
             "document-invalid",
@@ -58,27 +69,47 @@ def read_profile(path: Path) -> RigProfile:
             place=str(path),
             action="Complete the profile; `animeme rig ASSET` lists the character's shapes.",
         )
-    return _profile(data)
+    return data
 
 
-def _whole(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
-    """A document with `*` written out, on top of what it extends."""
-    data = documents.read("rig", path)
-    for table in _TABLES:
-        data[table] = _both_sides(data[table])
-    base = data.pop("extends")
-    if base is None:
-        return data
-    inherited = _base(base, path, (*above, path.resolve()))
+def _inherit(data: dict[str, Any], base: Mapping[str, Any]) -> None:
+    """Fill `data` up with what `base` has, but for what is about shapes that are moved no more."""
+    own = {table: set(data[table]) for table in _TABLES}
     for table in _TABLES:
         gone = {name for name, entry in data[table].items() if _empties(entry)}
-        merged = {**inherited[table], **data[table]}
+        merged = {**base[table], **data[table]}
         data[table] = {name: entry for name, entry in merged.items() if name not in gone}
-    for member in ("rest", "detect_at"):
-        data[member] = inherited[member] if data[member] is None else data[member]
-    for member in ("totals", "marks"):
-        data[member] = data[member] or inherited[member]
-    return data
+    if data["rest"] is None and (
+        base["rest"] in data["poses"] or base["rest"] not in base["poses"]
+    ):
+        data["rest"] = base["rest"]
+    data["detect_at"] = data["detect_at"] or base["detect_at"]
+    data["marks"] = data["marks"] or base["marks"]
+    moved = _moved(data)
+    if not data["totals"]:
+        kept = ([s for s in total["shapes"] if s in moved] for total in base["totals"])
+        groups = zip(base["totals"], kept, strict=True)
+        data["totals"] = [{**total, "shapes": s} for total, s in groups if len(s) > 1]
+    needs: dict[str, Callable[[str, Any], list[str]]] = {
+        "limits": lambda shape, _: [shape],
+        "ceilings": lambda shape, ceiling: [shape, ceiling],
+        "correctives": lambda _, entry: entry["of"],
+        "fallbacks": lambda shape, _: [shape],
+        "aliases": lambda shape, _: [shape],
+    }
+    for table, shapes in needs.items():
+        known = moved | set(data["correctives"])
+        data[table] = {
+            name: entry
+            for name, entry in data[table].items()
+            if name in own[table] or known.issuperset(shapes(name, entry))
+        }
+
+
+def _moved(data: Mapping[str, Any]) -> set[str]:
+    """Shapes that a control, a pose or the rest moves."""
+    driven = {entry["shape"] for entries in data["controls"].values() for entry in entries}
+    return driven | set(data["poses"]) | ({data["rest"]} - {None})
 
 
 def _base(base: str, path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
@@ -179,8 +210,7 @@ def _pose(pose: Mapping[str, float]) -> dict[str, float]:
 
 def _problems(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
     """What is wrong with a profile beyond its form: where, and what."""
-    moved = {d["shape"] for entries in data["controls"].values() for d in entries}
-    moved |= set(data["poses"]) | {data["rest"]} - {None}
+    moved = _moved(data)
     if not moved:
         yield ("controls",), "no control drives any shape, and there are no poses"
         return

@@ -116,9 +116,10 @@ def detect(character: Character) -> BoundRig:
         if len(speech) + len(stand_ins) >= profile.detect_at or declared:
             fitting.append((len(explained), bound.coverage, bound))
     if not fitting:
+        some = ", ".join(character.shapes[:8]) + (", …" if len(character.shapes) > 8 else "")
         raise InputError(
             "rig-unknown",
-            f"its {len(character.shapes)} shapes belong to no known rig family",
+            f"its {len(character.shapes)} shapes ({some}) belong to no known rig family",
             place=str(character.source),
             action="Run `animeme rig ASSET --draft my-rig.toml`, complete it, and name it as "
             'rig = "my-rig.toml" in the job.',
