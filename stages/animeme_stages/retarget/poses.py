@@ -25,27 +25,28 @@ Floats = NDArray[np.float64]
 # strongest as often as possible, over four families and two models; rounded. In words: rounding and
 # a lower lip at the teeth tell mouths apart, the jaw and an upper lip rolled in do not.
 _WEIGHTS = {
-    "jawOpen": 0.4,
-    "mouthClose": 0.4,
-    "mouthFunnel": 1.3,
-    "mouthPucker": 2.0,
-    "mouthPress": 0.8,
-    "mouthRollLower": 4.0,
-    "mouthRollUpper": 0.1,
-    "mouthStretch": 1.0,
-    "mouthSmile": 0.2,
-    "mouthLowerDown": 1.0,
-    "mouthUpperUp": 0.8,
+    "jawOpen": 0.2,
+    "mouthClose": 0.1,
+    "mouthFunnel": 0.4,
+    "mouthPucker": 1.6,
+    "mouthPress": 2.0,
+    "mouthRollLower": 4.5,
+    "mouthRollUpper": 0.2,
+    "mouthStretch": 0.5,
+    "mouthSmile": 0.5,
+    "mouthLowerDown": 0.2,
+    "mouthUpperUp": 1.1,
     "tongueOut": 0.3,
 }
 _OTHER = 0.1
 # jawOpen less mouthClose: how far the lips are apart.
-_APERTURE = 1.0
+_APERTURE = 0.7
 # Share of a pose's own size that its weight costs: keeps the problem strictly convex, and weights
 # from jumping, where two poses look alike.
-_RIDGE = 0.03
-# What all weights together cost: one pose that says nearly the same goes before several small ones.
-_TOGETHER = 0.06
+_RIDGE = 0.15
+# What all weights together cost, each by the root of its pose's size: one pose that says nearly the
+# same goes before several, but a small one (closed lips) is not lost beside a wide open mouth.
+_TOGETHER = 0.15
 
 
 def solve(controls: Floats, poses: Sequence[Mapping[str, float]]) -> Floats:
@@ -62,7 +63,7 @@ def solve(controls: Floats, poses: Sequence[Mapping[str, float]]) -> Floats:
     target = controls @ picture.T
     shown = np.array([[pose.get(c, 0.0) for c in arkit_controls()] for pose in poses]) @ picture.T
     sizes = np.linalg.norm(shown, axis=1)
-    together = np.full((1, len(poses)), _TOGETHER)
+    together = _TOGETHER * np.sqrt(sizes)[None]
     system = np.concatenate([shown.T, np.diag(_RIDGE * sizes), together])
     weights = np.zeros((len(controls), len(poses)))
     padding = np.zeros(len(poses) + 1)
