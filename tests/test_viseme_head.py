@@ -31,7 +31,11 @@ def as_visemes(mesh: Mesh) -> Mesh:
     made = {
         shape: FULLER
         * sum(
-            (v * mesh.targets[c] for c, v in profile.poses.get(shape, {}).items() if c in mesh.targets),
+            (
+                v * mesh.targets[c]
+                for c, v in profile.poses.get(shape, {}).items()
+                if c in mesh.targets
+            ),
             start=np.zeros_like(mesh.points),
         )
         for shape in profile.shapes
