@@ -47,7 +47,7 @@ def draft_profile(character: Character, name: str) -> str:
         "# Drafted from shape names: check every line, and place the shapes listed at the end.",
         "# Controls are ARKit's; weights that several controls give to one shape add up. A shape",
         "# that is a whole mouth (a viseme) belongs under [poses] instead, as",
-        "#   shape = { jawOpen = 0.5, mouthFunnel = 0.3 }    # what it shows at weight 1",
+        "# shape = { jawOpen = 0.5, mouthFunnel = 0.3 }  # what it shows at weight 1",
         'schema = "animeme.rig/2"',
         f"name = {_toml(name)}",
         "",
