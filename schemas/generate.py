@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from animeme.documents import KINDS, schema_text
+from animeme.documents import KINDS, VERSIONS, schema_text
 
 FOLDER = Path(__file__).parent / "animeme_schemas"
 
 
 def main() -> None:
-    """Write one file per kind and version of document."""
+    """Write the newest version of each kind; those of older versions stay as they are."""
     for kind in KINDS:
-        path = FOLDER / f"{kind}.1.schema.json"
+        path = FOLDER / f"{kind}.{VERSIONS[kind]}.schema.json"
         path.write_text(schema_text(kind), encoding="utf-8", newline="\n")
 
 

@@ -67,8 +67,8 @@ def test_a_broken_model_file_is_refused(
 RIG = (SAMPLE / "crab.rig.toml").read_text(encoding="utf-8")
 BAD_RIGS = (
     pytest.param(RIG[:300], ("end of document",), id="truncated"),
-    pytest.param("", ("schema", "animeme.rig/1"), id="empty"),
-    pytest.param(RIG.replace("rig/1", "rig/2"), ("animeme.rig/2", "newer animeme"), id="future"),
+    pytest.param("", ("schema", "animeme.rig/2"), id="empty"),
+    pytest.param(RIG.replace("rig/2", "rig/3"), ("animeme.rig/3", "newer animeme"), id="future"),
     pytest.param(
         RIG.replace("gain = 0.4 }]", "gian = 0.4 }]", 1),
         ("controls.jawOpen.1.gian", "Did you mean 'gain'?"),

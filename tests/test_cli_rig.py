@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from support.gltf_build import BIN_KIND, TRIANGLE, face, glb
+from support.gltf_kit import face_glb
 from support.jobs import SAMPLE, Capture, animeme
 from support.schemas import validate
 
@@ -21,6 +23,7 @@ def test_rig_knows_ada(suffix: str, capsys: Capture) -> None:
     assert document["coverage"] == 1.0
     assert document["missing"] == []
     assert document["format"] == {"glb": "gltf", "usdc": "usd"}[suffix]
+    assert (document["fallbacks"], document["binds"]) == ({}, {})
     assert set(document["mapped"].values()) <= set(document["shapes"])
 
 
@@ -104,3 +107,43 @@ def test_rig_says_which_asset_it_cannot_read(asset: str, capsys: Capture) -> Non
     ran = animeme(capsys, "rig", SAMPLE / asset)
     ran.says(asset)
     assert (ran.code, ran.out) == (2, "")
+
+
+@pytest.mark.usefixtures("wide")
+def test_rig_tells_what_stands_in_for_a_missing_shape(tmp_path: Path, capsys: Capture) -> None:
+    names = ("jawOpen", "mouthPucker", "mouthSmile", "mouthShrugLower", "mouthRollUpper")
+    asset = face_glb(tmp_path, face(names))
+    document = json.loads(animeme(capsys, "rig", asset, "--json").out)
+    assert document["profile"] == "arkit"
+    assert "mouthFunnel" in document["missing"]
+    assert document["fallbacks"]["mouthFunnel"] == {"shape": "mouthPucker", "gain": 0.7}
+    shown = animeme(capsys, "rig", asset)
+    assert "missing, 0.7 × mouthPucker instead" in shown.out
+
+
+def test_rig_follows_the_binds_of_a_vrm(tmp_path: Path, capsys: Capture) -> None:
+    def expression(*binds: tuple[int, float]) -> dict[str, object]:
+        return {"morphTargetBinds": [{"node": 0, "index": i, "weight": w} for i, w in binds]}
+
+    presets = {"aa": expression((0, 1.0)), "oh": expression((0, 0.5), (1, 1.0), (9, 1.0))}
+    vrm = {"VRMC_vrm": {"expressions": {"preset": {**presets, "happy": "?", "ih": {}}}}}
+    asset = tmp_path / "hero.vrm"
+    asset.write_bytes(glb(face(("k1", "k2"), extensions=vrm), (BIN_KIND, TRIANGLE)))
+    document = json.loads(animeme(capsys, "rig", asset, "--json").out)
+    assert (document["profile"], document["mapped"]) == ("vrm1", {"aa": "k1", "oh": "oh"})
+    assert document["binds"] == {"oh": [{"shape": "k1", "gain": 0.5}, {"shape": "k2", "gain": 1.0}]}
+
+
+def test_rig_follows_the_groups_of_an_older_vrm(tmp_path: Path, capsys: Capture) -> None:
+    groups = [
+        {"presetName": "a", "name": "A", "binds": [{"mesh": 0, "index": 1, "weight": 100}]},
+        {"presetName": "unknown", "name": "o", "binds": [{"mesh": 0, "index": 0, "weight": 50}]},
+        {"presetName": "u", "name": "U", "binds": [{"mesh": 7, "index": 0, "weight": 100}]},
+    ]
+    asset = tmp_path / "hero.vrm"
+    vrm = {"VRM": {"blendShapeMaster": {"blendShapeGroups": groups}}}
+    asset.write_bytes(glb(face(("k1", "k2"), extensions=vrm), (BIN_KIND, TRIANGLE)))
+    document = json.loads(animeme(capsys, "rig", asset, "--json").out)
+    assert (document["profile"], document["missing"]) == ("vrm0", ["I", "U", "E"])
+    assert document["mapped"]["A"] == "k2"
+    assert document["binds"] == {"o": [{"shape": "k1", "gain": 0.5}]}

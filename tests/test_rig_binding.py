@@ -6,7 +6,8 @@ import pytest
 
 from animeme.errors import InputError
 from animeme.rig import BoundRig, Drive, RigProfile
-from animeme_stages.retarget.profiles import bind, detect, shipped_profile
+from animeme_stages.retarget.profile_files import shipped_profile
+from animeme_stages.retarget.profiles import bind, detect
 from support.rigs import character
 
 SPEECH = (

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from animeme.errors import InputError
-from animeme_stages.retarget.profiles import bind_rig, profile_names, read_rig
+from animeme_stages.retarget.profile_files import profile_names
+from animeme_stages.retarget.profiles import bind_rig, read_rig
 from support.rigs import character
 
 HEAD = 'schema = "animeme.rig/1"\nname = "x"\n[controls]'
@@ -15,7 +16,7 @@ BAD_RIGS = {
     "unknown name": ("arkti", None, "rig-not-found", "Did you mean 'arkit'"),
     "file that is not there": ("my.toml", None, "document-unreadable", "no such file"),
     "broken TOML": ("my.toml", "name = ", "document-unreadable", "Invalid value"),
-    "another kind": ("my.toml", 'schema = "animeme.job/1"', "document-kind", "animeme.rig/1"),
+    "another kind": ("my.toml", 'schema = "animeme.job/1"', "document-kind", "animeme.rig/2"),
     "no control": (
         "my.toml",
         HEAD,

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from animeme import documents
 from animeme.errors import InputError
 from animeme_stages.retarget.draft import draft_profile
-from animeme_stages.retarget.profiles import bind, read_profile
+from animeme_stages.retarget.profile_files import read_profile
+from animeme_stages.retarget.profiles import bind
 from support.rigs import character
 
 ODD_NAMES = {
@@ -61,7 +62,7 @@ NAMES = st.lists(
 @settings(deadline=None, derandomize=True, max_examples=150)
 def test_a_draft_of_any_names_is_toml(names: list[str], name: str) -> None:
     data = tomllib.loads(draft_profile(character(names), name))
-    assert data["schema"] == "animeme.rig/1"
+    assert data["schema"] == "animeme.rig/2"
     assert data["name"] == name
     documents.KINDS["rig"].model_validate(data)
 
@@ -83,3 +84,31 @@ def test_closing_is_held_under_opening_where_both_are_clear() -> None:
     text = draft_profile(character(["mouth_open", "mouth_shut", "scuttle"]), "crab")
     assert tomllib.loads(text)["ceilings"] == {"mouth_shut": "mouth_open"}
     assert '#   "scuttle"' in text
+
+
+DRAFTED = {
+    "Mund_offen": "jawOpen",
+    "bouche_ouverte": "jawOpen",
+    "ОткрытьРот": "jawOpen",
+    "口開く": "jawOpen",
+    "Kussmund": "mouthPucker",
+    "BocaCerrada": "mouthClose",
+    "sonrisa_L": "mouthSmileLeft",
+    "Sourire_droite": "mouthSmileRight",
+    "笑い": "mouthSmileLeft",
+    "jawOpn": "jawOpen",
+    "mouth_funel": "mouthFunnel",
+}
+
+
+@pytest.mark.parametrize("shape", DRAFTED)
+def test_names_are_understood_in_many_languages_and_with_slips(shape: str) -> None:
+    controls = tomllib.loads(draft_profile(character([shape]), "x"))["controls"]
+    assert shape in [entry["shape"] for entry in controls[DRAFTED[shape]]]
+
+
+@pytest.mark.parametrize("shape", ["eyeClose_L", "まばたき", "Augenlid_zu", "cejas_arriba"])
+def test_what_is_not_the_mouth_is_left_to_a_person(shape: str) -> None:
+    text = draft_profile(character([shape, "jaw"]), "x")
+    assert shape not in str(tomllib.loads(text)["controls"])
+    assert f'#   "{shape}"' in text

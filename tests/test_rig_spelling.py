@@ -7,7 +7,8 @@ from itertools import combinations
 import pytest
 
 from animeme.rig import Drive, RigProfile
-from animeme_stages.retarget.profiles import bind, spelling
+from animeme_stages.retarget.profiles import bind
+from animeme_stages.retarget.spelling import spelling
 from support.rigs import character
 
 

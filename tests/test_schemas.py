@@ -24,9 +24,16 @@ def test_schema_files_are_current(kind: str) -> None:
 
 
 def test_every_kind_has_a_schema_and_a_frozen_fixture() -> None:
-    assert [kind for kind, _ in animeme_schemas.kinds()] == sorted(documents.KINDS)
-    frozen = {path.name.split(".")[0] for path in FROZEN.iterdir()}
-    assert frozen == set(documents.KINDS)
+    versions = [
+        (kind, number)
+        for kind, newest in sorted(documents.VERSIONS.items())
+        for number in range(1, newest + 1)
+    ]
+    assert animeme_schemas.kinds() == versions
+    frozen = {
+        (kind, int(number)) for kind, number, *_ in (p.name.split(".") for p in FROZEN.iterdir())
+    }
+    assert frozen == set(versions)
 
 
 @pytest.mark.parametrize("path", sorted(FROZEN.iterdir()), ids=lambda path: path.name)

@@ -12,7 +12,7 @@ import pytest
 from animeme import registry, testing
 from animeme.dataset import Dataset
 from animeme.phones import ARPABET_TO_IPA, Phone, PhoneTrack, contiguous
-from animeme_stages.retarget.profiles import shipped_profile
+from animeme_stages.retarget.profile_files import shipped_profile
 from animeme_stages.synthesize.articulation import letters
 from animeme_stages.synthesize.dam import Dam
 from support.motion import captured

@@ -10,13 +10,15 @@ from __future__ import annotations
 import difflib
 import json
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from animeme.errors import InputError, Problem
+from animeme.places import Places
 
 Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
@@ -119,20 +121,66 @@ class DriveEntry(Document):
     gain: Number = Field(1.0, description="Shape weight per unit of the control.")
 
 
-class RigDocument(Document):
-    """A rig profile: which control drives which shapes."""
+class CorrectiveEntry(Document):
+    """A shape that follows others."""
 
-    schema_: Literal["animeme.rig/1"] = Field(alias="schema")
+    of: list[str] = Field(description="The shapes it follows; none: it is not moved.")
+    rule: Literal["product", "minimum"] = Field(
+        "product", description="Its weight is their product, or the least of them."
+    )
+
+
+class TotalEntry(Document):
+    """Shapes that exclude each other."""
+
+    shapes: Annotated[list[str], Field(min_length=2)]
+    most: Annotated[Number, Field(ge=0)] = Field(
+        1.0, description="What they weigh together at most; beyond it, all shrink alike."
+    )
+
+
+class RigDocument(Document):
+    """A rig profile: what drives which shapes. A `*` in a name stands for Left and for Right."""
+
+    schema_: Literal["animeme.rig/2"] = Field(alias="schema")
     name: str = Field(description="The profile's name.")
     family: str = Field("", description="For people: the rig family or character it describes.")
-    controls: dict[str, list[DriveEntry]] = Field(
-        description="Control → the shapes it drives; weights add up."
+    extends: str | None = Field(
+        None,
+        description="A shipped profile, or a rig document beside this one: entries here replace "
+        "its entries of the same name, an empty one removes it.",
     )
+    detect_at: Annotated[int, Field(ge=1, strict=True)] | None = Field(
+        None,
+        description="How many of the shapes that speech moves make a rig one of this family.",
+    )
+    marks: list[str] = Field(
+        default_factory=list,
+        description="Shapes that nothing moves, but that tell rigs of this family from others.",
+    )
+    controls: dict[str, list[DriveEntry]] = Field(
+        default_factory=dict, description="Control → the shapes it drives; weights add up."
+    )
+    poses: dict[str, dict[str, Number]] = Field(
+        default_factory=dict,
+        description="Shape → what the face shows at weight 1, in ARKit's controls (without Left or "
+        "Right: both). The weights are the mixture that comes nearest to the model's controls.",
+    )
+    rest: str | None = Field(None, description="The pose that takes what the others leave of 1.")
     limits: dict[str, tuple[Number, Number]] = Field(
         default_factory=dict, description="Shape → [lowest, highest] weight; [0, 1] if absent."
     )
+    totals: list[TotalEntry] = Field(default_factory=list)
     ceilings: dict[str, str] = Field(
         default_factory=dict, description="Shape → the shape whose weight it may not exceed."
+    )
+    correctives: dict[str, CorrectiveEntry] = Field(default_factory=dict)
+    fallbacks: dict[str, list[DriveEntry]] = Field(
+        default_factory=dict,
+        description="Shape → those that stand in for it; the first that the rig has is taken.",
+    )
+    aliases: dict[str, list[str]] = Field(
+        default_factory=dict, description="Shape → other names that rigs give it."
     )
 
 
@@ -280,6 +328,12 @@ KINDS: dict[str, type[BaseModel]] = {
     "report": ReportDocument,
     "rig": RigDocument,
 }
+VERSIONS = {**dict.fromkeys(KINDS, 1), "rig": 2}
+"""The version of each kind that is written now."""
+# (kind, version) → what makes a document of it one of the next version.
+_UPGRADES: dict[tuple[str, int], Callable[[dict[str, Any]], dict[str, Any]]] = {
+    ("rig", 1): lambda data: data,  # version 2 only added members
+}
 
 
 def parse_file(path: Path) -> dict[str, Any]:
@@ -313,25 +367,39 @@ def read(kind: str, path: Path) -> dict[str, Any]:
     Raises:
         InputError: missing, broken, of another kind or version, or with wrong members; all at once.
     """
-    data = parse_file(path)
-    expected = f"animeme.{kind}/1"
-    if data.get("schema") != expected:
-        raise InputError(
-            "document-kind",
-            f"says schema = {data.get('schema')!r}, not {expected!r}",
-            place=str(path),
-            action="Give the right kind of document; a newer version needs a newer animeme.",
-        )
+    data = _upgraded(kind, path, parse_file(path))
     try:
         return KINDS[kind].model_validate(data).model_dump(mode="json", by_alias=True)
     except ValidationError as error:
-        problems = "; ".join(str(problem) for problem in problems_of(error, KINDS[kind]))
+        places = Places(path)
+        problems = "; ".join(
+            str(replace(problem, path=places.of(problem.path)))
+            for problem in problems_of(error, KINDS[kind])
+        )
         raise InputError(
             "document-invalid",
             problems,
             place=str(path),
             action=f"`animeme schema {kind}` prints what it may hold.",
         ) from error
+
+
+def _upgraded(kind: str, path: Path, data: dict[str, Any]) -> dict[str, Any]:
+    """`data` as a document of the present version."""
+    said = data.get("schema")
+    for version in range(1, VERSIONS[kind] + 1):
+        if said == f"animeme.{kind}/{version}":
+            data = _UPGRADES[kind, version](data) if version < VERSIONS[kind] else data
+            said = f"animeme.{kind}/{version + 1}" if version < VERSIONS[kind] else said
+    expected = f"animeme.{kind}/{VERSIONS[kind]}"
+    if said != expected:
+        raise InputError(
+            "document-kind",
+            f"says schema = {said!r:.80}, not {expected!r}",
+            place=str(path),
+            action="Give the right kind of document; a newer version needs a newer animeme.",
+        )
+    return {**data, "schema": expected}
 
 
 def problems_of(error: ValidationError, document: type[BaseModel]) -> list[Problem]:
@@ -376,7 +444,7 @@ def schema_text(kind: str) -> str:
     """The JSON Schema of a kind of document, as the file in ``schemas/`` holds it."""
     schema = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "$id": f"animeme.{kind}/1",
+        "$id": f"animeme.{kind}/{VERSIONS[kind]}",
         **KINDS[kind].model_json_schema(by_alias=True),
     }
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"

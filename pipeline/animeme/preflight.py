@@ -52,11 +52,14 @@ def load_targets(job: Job) -> tuple[list[Target], list[Finding]]:
     """
     targets: list[Target] = []
     findings: list[Finding] = []
+    controls = registry.load_model(job.model, file=job.model_file).controls
     for character in job.characters:
         for path in character.assets:
             try:
                 asset = registry.format_of(path).load(path)
-                rig = registry.stage("bind-rig")(character.rig, asset, job.folder)
+                rig = registry.stage("bind-rig")(
+                    character.rig, asset, job.folder, controls=controls
+                )
             except InputError as error:
                 findings.append(Finding.from_error(error, character=character.name))
                 continue
@@ -77,7 +80,12 @@ def load_targets(job: Job) -> tuple[list[Target], list[Finding]]:
 
 
 def _missing_shapes(target: Target) -> Finding:
-    names = ", ".join(target.rig.missing)
+    names = ", ".join(
+        f"{shape} (moved instead: {target.rig.fallbacks[shape].shape})"
+        if shape in target.rig.fallbacks
+        else shape
+        for shape in target.rig.missing
+    )
     return Finding(
         Severity.INFO,
         "rig-shapes-missing",

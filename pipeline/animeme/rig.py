@@ -6,6 +6,15 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One shape driven by a control: weight = gain × control (summed over controls)."""
+
+    shape: str
+    gain: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -38,12 +47,15 @@ class Character:
         format: name of the registered format that read it.
         meshes: every mesh that owns at least one shape, in file order.
         animations: names of the animations it came with.
+        expressions: poses that the file itself names, as the shapes that make them (VRM's
+            expressions with their binds).
     """
 
     source: Path
     format: str
     meshes: tuple[MeshShapes, ...]
     animations: tuple[str, ...] = ()
+    expressions: Mapping[str, tuple[Drive, ...]] = field(default_factory=dict, hash=False)
     canonical: Mapping[str, str] = field(init=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -106,11 +118,24 @@ def _shared_tails(owners: Mapping[str, set[int]]) -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class Drive:
-    """One shape driven by a control: weight = gain × control (summed over controls)."""
+class Corrective:
+    """A shape that follows others: their product, or the least of them.
 
-    shape: str
-    gain: float = 1.0
+    Attributes:
+        of: the shapes it follows.
+        rule: "product" or "minimum".
+    """
+
+    of: tuple[str, ...]
+    rule: Literal["product", "minimum"] = "product"
+
+
+@dataclass(frozen=True)
+class Total:
+    """Shapes that exclude each other: together they weigh at most `most`."""
+
+    shapes: tuple[str, ...]
+    most: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -123,17 +148,36 @@ class RigProfile:
         limits: per shape (low, high); [0, 1] where nothing is said.
         ceilings: per shape, the shape whose weight it may not exceed (ARKit's ``mouthClose`` undoes
             ``jawOpen`` and pushes the lips through each other beyond it).
+        poses: per shape, what the face shows at weight 1, in ARKit's controls. Their weights are
+            the mixture that comes nearest to the controls (visemes).
+        rest: the pose that takes what the others leave of 1, "" if there is none.
+        correctives: per shape, the shapes that it follows.
+        totals: groups of shapes that exclude each other.
+        fallbacks: per shape, the shapes that stand in for it, the nearest first.
+        aliases: per shape, other names that rigs give it.
+        detect_at: how many of the shapes that speech moves make a rig one of this family.
+        marks: shapes that nothing moves, but that tell rigs of this family from others.
     """
 
     name: str
     drives: Mapping[str, tuple[Drive, ...]]
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     ceilings: Mapping[str, str] = field(default_factory=dict)
+    poses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    rest: str = ""
+    correctives: Mapping[str, Corrective] = field(default_factory=dict)
+    totals: tuple[Total, ...] = ()
+    fallbacks: Mapping[str, tuple[Drive, ...]] = field(default_factory=dict)
+    aliases: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    detect_at: int = 1
+    marks: tuple[str, ...] = ()
 
     @property
     def shapes(self) -> tuple[str, ...]:
-        """Distinct shapes that any control drives, in order of appearance."""
-        return tuple(dict.fromkeys(d.shape for drives in self.drives.values() for d in drives))
+        """Distinct shapes that anything moves, in order of appearance."""
+        driven = (d.shape for drives in self.drives.values() for d in drives)
+        rest = [self.rest] if self.rest else []
+        return tuple(dict.fromkeys([*driven, *self.poses, *rest, *self.correctives]))
 
 
 @dataclass(frozen=True)
@@ -142,13 +186,18 @@ class BoundRig:
 
     Attributes:
         profile: the profile with its shapes renamed to the character's own.
-        mapped: profile shape → the character's shape.
+        mapped: profile shape → the character's shape, or the name of what `binds` takes apart.
         missing: profile shapes that the character lacks.
+        fallbacks: missing shape → the character's shape that stands in for it, and how much of it.
+        binds: what is no shape of the character's, but several: its name in `profile` → those (an
+            expression of VRM; one shape under another name on each mesh).
     """
 
     profile: RigProfile
     mapped: Mapping[str, str]
     missing: tuple[str, ...]
+    fallbacks: Mapping[str, Drive] = field(default_factory=dict)
+    binds: Mapping[str, tuple[Drive, ...]] = field(default_factory=dict)
 
     @property
     def coverage(self) -> float:

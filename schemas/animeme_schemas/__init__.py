@@ -22,16 +22,18 @@ def kinds() -> list[tuple[str, int]]:
     return sorted((kind, int(number)) for kind, _, number in (n.rpartition(".") for n in names))
 
 
-def text(kind: str, number: int = 1) -> str:
-    """The schema of ``animeme.<kind>/<number>`` as it is stored.
+def text(kind: str, number: int | None = None) -> str:
+    """The schema of ``animeme.<kind>/<number>`` as it is stored; the newest if no number is given.
 
     Raises:
         FileNotFoundError: there is no such document.
     """
+    if number is None:
+        number = max((n for name, n in kinds() if name == kind), default=1)
     return _FOLDER.joinpath(f"{kind}.{number}.schema.json").read_text(encoding="utf-8")
 
 
-def load(kind: str, number: int = 1) -> dict[str, Any]:
+def load(kind: str, number: int | None = None) -> dict[str, Any]:
     """The same, parsed."""
     schema: dict[str, Any] = json.loads(text(kind, number))
     return schema

@@ -14,7 +14,7 @@ from rich.table import Table
 from animeme import api, registry
 from animeme.errors import InputError
 from animeme.files import write_text
-from animeme.rig import BoundRig, Character
+from animeme.rig import BoundRig, Character, Drive
 
 
 @click.command("rig", epilog="Example: animeme rig sample_assets/ada.glb --json")
@@ -79,7 +79,15 @@ def _document(character: Character, bound: BoundRig | None) -> dict[str, Any]:
         "mapped": dict(bound.mapped) if bound else {},
         "missing": list(bound.missing) if bound else [],
         "coverage": round(bound.coverage, 4) if bound else 0.0,
+        "fallbacks": {s: _drive(d) for s, d in bound.fallbacks.items()} if bound else {},
+        "binds": {n: [_drive(d) for d in drives] for n, drives in bound.binds.items()}
+        if bound
+        else {},
     }
+
+
+def _drive(drive: Drive) -> dict[str, Any]:
+    return {"shape": drive.shape, "gain": drive.gain}
 
 
 def _show(character: Character, bound: BoundRig) -> None:
@@ -92,7 +100,14 @@ def _show(character: Character, bound: BoundRig) -> None:
     )
     table = Table("profile's shape", "character's shape")
     for shape, own in bound.mapped.items():
-        table.add_row(escape(shape), escape(own))
+        parts = bound.binds.get(own, (Drive(own),))
+        table.add_row(escape(shape), escape(" + ".join(map(_text, parts))))
     for shape in bound.missing:
-        table.add_row(escape(shape), "[dim]missing[/dim]")
+        stand_in = bound.fallbacks.get(shape)
+        instead = f", {escape(_text(stand_in))} instead" if stand_in else ""
+        table.add_row(escape(shape), f"[dim]missing{instead}[/dim]")
     console.print(table)
+
+
+def _text(drive: Drive) -> str:
+    return drive.shape if drive.gain == 1.0 else f"{drive.gain:g} × {drive.shape}"

@@ -20,9 +20,10 @@ def command(kind: str | None, as_json: bool) -> int:
         click.echo(json.dumps(names) if as_json else "\n".join(names))
         return 0
     name, _, text = kind.removeprefix("animeme.").partition("/")
-    number = int(text) if text.isdecimal() else 0 if text else 1
+    newest = max((version for known, version in kinds if known == name), default=0)
+    number = int(text) if text.isdecimal() else 0 if text else newest
     if (name, number) not in kinds:
-        known = ", ".join(known for known, _ in kinds)
+        known = ", ".join(dict.fromkeys(known for known, _ in kinds))
         raise click.UsageError(f"there is no document kind '{kind}'. Known: {known}.")
     click.echo(animeme_schemas.text(name, number), nl=False)
     return 0

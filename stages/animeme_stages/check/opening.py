@@ -6,30 +6,55 @@ import numpy as np
 
 from animeme.contracts import LineSubject
 from animeme.curves import Floats
+from animeme.rig import Drive
 
 
 def opening(subject: LineSubject) -> Floats | None:
     """Opening of the mouth at each key, in units of the control ``jawOpen``, shape (T,).
 
     What the shapes driven by ``jawOpen`` add to it, less what those driven by ``mouthClose`` take
-    away again.
+    away again; on a rig of poses, what each shows of either.
 
     Returns:
         None where the rig has no shape for ``jawOpen``.
     """
-    opened = _driven(subject, "jawOpen")
-    if opened is None:
-        return None
-    closed = _driven(subject, "mouthClose")
-    return opened if closed is None else opened - closed
+    drive = _main_drive(subject, "jawOpen")
+    if drive is None:
+        return _of_poses(subject)
+    opened = np.asarray(subject.shapes.curve(drive.shape) / drive.gain)
+    closing = _main_drive(subject, "mouthClose")
+    # Where no shape seals the lips, closing opens the jaw less: it is in the opening already.
+    if closing is None or closing.shape == drive.shape:
+        return opened
+    return opened - np.asarray(subject.shapes.curve(closing.shape) / closing.gain)
 
 
-def _driven(subject: LineSubject, control: str) -> Floats | None:
-    """The control that the shape it drives most amounts to, shape (T,)."""
+def _main_drive(subject: LineSubject, control: str) -> Drive | None:
+    """The shape that a control drives most."""
     drives = subject.rig.profile.drives.get(control, ())
-    if not drives:
+    drive = max(drives, key=lambda entry: abs(entry.gain), default=None)
+    if drive is None or drive.shape not in subject.shapes.names or drive.gain == 0:
         return None
-    drive = max(drives, key=lambda entry: abs(entry.gain))
-    if drive.shape not in subject.shapes.names or drive.gain == 0:
+    return drive
+
+
+def _of_poses(subject: LineSubject) -> Floats | None:
+    """The opening that the weights of poses come to."""
+    poses = [shape for shape, pose in subject.rig.profile.poses.items() if pose]
+    parts = [subject.rig.binds.get(shape, (Drive(shape),)) for shape in poses]
+    shapes = tuple(dict.fromkeys(drive.shape for drives in parts for drive in drives))
+    if not shapes or not set(shapes) <= set(subject.shapes.names):
         return None
-    return np.asarray(subject.shapes.curve(drive.shape) / drive.gain)
+    mix = np.zeros((len(shapes), len(poses)))
+    for column, drives in enumerate(parts):
+        for drive in drives:
+            mix[shapes.index(drive.shape), column] += drive.gain
+    written = np.stack([subject.shapes.curve(shape) for shape in shapes])
+    weights = np.linalg.lstsq(mix, written, rcond=None)[0]
+    opens = np.array(
+        [
+            pose.get("jawOpen", 0.0) - pose.get("mouthClose", 0.0)
+            for pose in (subject.rig.profile.poses[shape] for shape in poses)
+        ]
+    )
+    return np.asarray(opens @ weights)

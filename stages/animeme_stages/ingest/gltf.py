@@ -10,6 +10,7 @@ from animeme.errors import InputError
 from animeme.rig import Character, MeshShapes
 from animeme_stages.ingest.glb import open_container
 from animeme_stages.ingest.gltf_document import require_sound, target_count
+from animeme_stages.ingest.vrm import expressions
 
 FORMAT = "gltf"
 
@@ -35,7 +36,7 @@ def load_gltf(path: Path) -> Character:
             action="Export the character with its morph targets (shape keys, blendshapes).",
         )
     names = [str(a.get("name", f"animation {i}")) for i, a in enumerate(root.get("animations", []))]
-    return Character(path, FORMAT, meshes, tuple(names))
+    return Character(path, FORMAT, meshes, tuple(names), expressions(root, meshes))
 
 
 def _meshes(root: Mapping[str, Any]) -> list[MeshShapes]:

@@ -1,138 +1,139 @@
-"""Rig profiles: shipped or a studio's own, and which of them fits a character."""
+"""Which profile fits a character, and what it drives there."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
-from functools import lru_cache
-from importlib.resources import as_file, files
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from animeme import documents
 from animeme.errors import InputError
-from animeme.rig import BoundRig, Character, Drive, RigProfile
-
-_FOLDER = files("animeme_stages.retarget").joinpath("profiles")
-
-# A rig is taken for a family's when it has at least this share of the family's shapes. Real heads
-# ship a third of ARKit's 52 (speech only); rigs of other families share none of the names.
-DETECTION_COVERAGE = 0.2
-
-
-def profile_names() -> tuple[str, ...]:
-    """Names of the shipped profiles, sorted."""
-    names = (file.name for file in _FOLDER.iterdir())
-    return tuple(sorted(n.removesuffix(".toml") for n in names if n.endswith(".toml")))
-
-
-@lru_cache(maxsize=16)
-def shipped_profile(name: str) -> RigProfile:
-    """The shipped profile called `name`."""
-    with as_file(_FOLDER.joinpath(f"{name}.toml")) as path:
-        return read_profile(path)
-
-
-def read_profile(path: Path) -> RigProfile:
-    """A profile from a rig document.
-
-    Raises:
-        InputError: the file is no sound rig document.
-    """
-    data = documents.read("rig", path)
-    profile = _from_document(data)
-    _require_sound(profile, path)
-    return profile
-
-
-def _from_document(data: Mapping[str, Any]) -> RigProfile:
-    drives = {
-        control: tuple(Drive(entry["shape"], entry["gain"]) for entry in entries)
-        for control, entries in data["controls"].items()
-    }
-    limits = {shape: (low, high) for shape, (low, high) in data["limits"].items()}
-    return RigProfile(data["name"], drives, limits, dict(data["ceilings"]))
-
-
-def _require_sound(profile: RigProfile, path: Path) -> None:
-    shapes = set(profile.shapes)
-    stray = (set(profile.limits) | set(profile.ceilings) | set(profile.ceilings.values())) - shapes
-    inverted = [shape for shape, (low, high) in profile.limits.items() if low > high]
-    problems = []
-    if not shapes:
-        problems.append("no control drives any shape")
-    if stray:
-        problems.append(
-            f"limits or ceilings for shapes that nothing drives: {', '.join(sorted(stray))}"
-        )
-    if inverted:
-        problems.append(f"limits with low above high: {', '.join(inverted)}")
-    if problems:
-        raise InputError(
-            "document-invalid",
-            "; ".join(problems),
-            place=str(path),
-            action="Complete the profile; `animeme rig ASSET` lists the character's shapes.",
-        )
-
-
-def spelling(name: str) -> str:
-    """A shape name as rigs of one family agree on it, whatever exporters did to it.
-
-    Case, separators, a leading mesh name and the way sides are marked are set aside.
-
-    Example:
-        >>> spelling("mouthSmile_L") == spelling("Head.MouthSmileLeft")
-        True
-    """
-    bare = re.sub(r"\.\d{3}$", "", name)  # Blender's mark of a copy
-    bare = re.sub(r"(?:[._ -][Ll]|(?<=[a-z])L)$", "Left", bare)
-    bare = re.sub(r"(?:[._ -][Rr]|(?<=[a-z])R)$", "Right", bare)
-    tail = re.split(r"[.:|]", bare)[-1]
-    return re.sub(r"[\W_]", "", tail).lower()
+from animeme.rig import BoundRig, Character, Drive, RigProfile, Total
+from animeme_stages.retarget.controls import as_understood, is_speech
+from animeme_stages.retarget.profile_files import (
+    is_file,
+    profile_names,
+    read_profile,
+    shipped_profile,
+)
+from animeme_stages.retarget.spelling import matches
 
 
 def bind(profile: RigProfile, character: Character) -> BoundRig:
-    """Match a profile's shapes to the character's own names, exactly or by `spelling`."""
-    own = {spelling(shape): shape for shape in reversed(character.shapes) if spelling(shape)}
-    mapped: dict[str, str] = {}
-    missing: list[str] = []
-    for shape in profile.shapes:
-        found = shape if shape in character.shapes else own.get(spelling(shape))
-        if found is None:
-            missing.append(shape)
-        else:
-            mapped[shape] = found
-    drives = {
-        control: tuple(Drive(mapped[d.shape], d.gain) for d in entries if d.shape in mapped)
-        for control, entries in profile.drives.items()
+    """Match a profile's shapes to the character's own names (see `spelling.matches`).
+
+    A shape that the character lacks is moved by the first of its fall-backs that the character has.
+    """
+    stand_ins = [d.shape for drives in profile.fallbacks.values() for d in drives]
+    shapes = tuple(dict.fromkeys((*profile.shapes, *stand_ins)))
+    binds: dict[str, tuple[Drive, ...]] = {}
+    own = {
+        shape: _bound_name(names, character, binds)
+        for shape, names in matches(shapes, profile.aliases, character).items()
     }
-    bound = RigProfile(
-        profile.name,
-        {control: entries for control, entries in drives.items() if entries},
-        {mapped[shape]: limits for shape, limits in profile.limits.items() if shape in mapped},
-        {mapped[s]: mapped[c] for s, c in profile.ceilings.items() if s in mapped and c in mapped},
+    mapped = {shape: own[shape] for shape in profile.shapes if shape in own}
+    missing = tuple(shape for shape in profile.shapes if shape not in own)
+    fallbacks = {}
+    for shape in missing:
+        nearest = next((d for d in profile.fallbacks.get(shape, ()) if d.shape in own), None)
+        if nearest is not None:
+            fallbacks[shape] = Drive(own[nearest.shape], nearest.gain)
+    bound = _renamed(profile, mapped, fallbacks)
+    used = set(bound.shapes)
+    kept = {name: drives for name, drives in binds.items() if name in used}
+    return BoundRig(bound, mapped, missing, fallbacks, kept)
+
+
+def _bound_name(
+    names: Sequence[str], character: Character, binds: dict[str, tuple[Drive, ...]]
+) -> str:
+    """The shape that `names` come to; what is more than one shape is noted in `binds`."""
+    expression = character.expressions.get(names[0])
+    drives = expression or tuple(Drive(name) for name in names)
+    if len(drives) == 1 and drives[0].gain == 1.0:
+        return drives[0].shape
+    name = names[0]
+    if expression is not None and name in character.shapes:
+        name = f"{name} (expression)"
+    binds[name] = drives
+    return name
+
+
+def _renamed(
+    profile: RigProfile, mapped: Mapping[str, str], fallbacks: Mapping[str, Drive]
+) -> RigProfile:
+    """The profile in the character's names, without what the character lacks."""
+
+    def drives(entries: Sequence[Drive]) -> tuple[Drive, ...]:
+        made = []
+        for entry in entries:
+            if entry.shape in mapped:
+                made.append(Drive(mapped[entry.shape], entry.gain))
+            elif stand_in := fallbacks.get(entry.shape):
+                made.append(Drive(stand_in.shape, entry.gain * stand_in.gain))
+        return tuple(made)
+
+    def every(names: Sequence[str]) -> bool:
+        return all(name in mapped for name in names)
+
+    driven = {control: drives(entries) for control, entries in profile.drives.items()}
+    totals = [(tuple(mapped[s] for s in t.shapes if s in mapped), t.most) for t in profile.totals]
+    return RigProfile(
+        name=profile.name,
+        drives={control: entries for control, entries in driven.items() if entries},
+        limits={mapped[s]: limits for s, limits in profile.limits.items() if s in mapped},
+        ceilings={mapped[s]: mapped[c] for s, c in profile.ceilings.items() if every((s, c))},
+        poses={mapped[s]: pose for s, pose in profile.poses.items() if s in mapped},
+        rest=mapped.get(profile.rest, ""),
+        correctives={
+            mapped[s]: replace(entry, of=tuple(mapped[o] for o in entry.of))
+            for s, entry in profile.correctives.items()
+            if every((s, *entry.of))
+        },
+        totals=tuple(Total(shapes, most) for shapes, most in totals if len(shapes) > 1),
     )
-    return BoundRig(bound, mapped, tuple(missing))
 
 
 def detect(character: Character) -> BoundRig:
-    """The shipped profile that covers most of the character.
+    """The shipped profile that explains most of the character's shapes.
+
+    A profile is taken only if the character has enough of the shapes that speech moves
+    (`RigProfile.detect_at`), or names one of them as an expression of its own.
 
     Raises:
         InputError: none fits; says how to go on.
     """
-    candidates = [bind(shipped_profile(name), character) for name in profile_names()]
-    best = max(candidates, key=lambda bound: bound.coverage)
-    if best.coverage < DETECTION_COVERAGE:
+    fitting = []
+    for name in profile_names():
+        profile = shipped_profile(name)
+        bound = bind(profile, character)
+        speech = [shape for shape in bound.mapped if is_speech(profile, shape)]
+        declared = any(bound.mapped[shape] in _declared(character) for shape in speech)
+        stand_ins = {d.shape for s, d in bound.fallbacks.items() if is_speech(profile, s)}
+        stand_ins -= {*bound.mapped.values()}
+        marks = matches(profile.marks, {}, character)
+        explained = {*bound.mapped.values(), *stand_ins, *(m for (m, *_) in marks.values())}
+        if len(speech) + len(stand_ins) >= profile.detect_at or declared:
+            fitting.append((len(explained), bound.coverage, bound))
+    if not fitting:
+        some = ", ".join(character.shapes[:8]) + (", …" if len(character.shapes) > 8 else "")
         raise InputError(
             "rig-unknown",
-            f"its {len(character.shapes)} shapes belong to no known rig family",
+            f"its {len(character.shapes)} shapes ({some}) belong to no known rig family",
             place=str(character.source),
             action="Run `animeme rig ASSET --draft my-rig.toml`, complete it, and name it as "
             'rig = "my-rig.toml" in the job.',
         )
-    return best
+    return max(fitting, key=lambda entry: entry[:2])[2]
+
+
+def _declared(character: Character) -> set[str]:
+    """What expressions of the character's are called once they are bound."""
+    return {
+        _bound_name((name,), character, {})
+        for name, drives in character.expressions.items()
+        if drives
+    }
 
 
 def read_rig(rig: str, folder: Path) -> RigProfile | None:
@@ -149,7 +150,7 @@ def read_rig(rig: str, folder: Path) -> RigProfile | None:
         return None
     if rig in profile_names():
         return shipped_profile(rig)
-    if Path(rig).suffix.lower() not in (".toml", ".json"):
+    if not is_file(rig):
         raise InputError(
             "rig-not-found",
             f"there is no rig profile '{rig}'",
@@ -160,21 +161,38 @@ def read_rig(rig: str, folder: Path) -> RigProfile | None:
     return read_profile(folder / rig)
 
 
-def bind_rig(rig: str, character: Character, folder: Path) -> BoundRig:
+def bind_rig(
+    rig: str, character: Character, folder: Path, *, controls: Sequence[str] | None = None
+) -> BoundRig:
     """What a job's ``rig`` means for a character; see `read_rig`.
 
+    Args:
+        rig: "auto", a shipped profile's name, or a file.
+        character: the asset.
+        folder: that relative file names start from.
+        controls: those of the model that is to move it, None if that is not known yet.
+
     Raises:
-        InputError: nothing fits, or the profile shares no shape with the character.
+        InputError: nothing fits, the profile shares no shape with the character, or none of
+            `controls` moves any of its shapes.
     """
     profile = read_rig(rig, folder)
-    if profile is None:
-        return detect(character)
-    bound = bind(profile, character)
-    if not bound.mapped:
+    bound = detect(character) if profile is None else bind(profile, character)
+    if not bound.mapped and not bound.fallbacks:
         raise InputError(
             "rig-mismatch",
-            f"has none of the shapes that the profile '{profile.name}' drives",
+            f"has none of the shapes that the profile '{bound.profile.name}' drives",
             place=str(character.source),
             action="Choose another profile; `animeme rig ASSET` lists the character's shapes.",
+        )
+    if controls is not None and not as_understood(controls, bound.profile).moves_anything:
+        some = ", ".join(controls[:6]) + (", …" if len(controls) > 6 else "")
+        raise InputError(
+            "rig-controls-unknown",
+            f"none of the model's {len(controls)} controls ({some}) moves a shape that the profile "
+            f"'{bound.profile.name}' finds here",
+            place=str(character.source),
+            action="Add these controls to a profile of your own: it may hold "
+            f'`extends = "{bound.profile.name}"` and the new [controls] only.',
         )
     return bound
