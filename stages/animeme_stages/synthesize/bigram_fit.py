@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from animeme.curves import Floats
-from animeme.dataset import Dataset, Listener
+from animeme.dataset import CapturedLine, Dataset, Listener
 from animeme.phones import PhoneTrack
 from animeme_stages.synthesize.bigram_passes import Segments, segments
 from animeme_stages.synthesize.bigram_set import ANY, COMMON, LOCAL, BigramSet
@@ -26,6 +26,11 @@ _RIDGE = 2.0
 
 Classes = Mapping[str, tuple[str, ...]]
 Layer = Callable[[PhoneTrack], Segments]
+Emphasis = Callable[[CapturedLine], Floats]
+
+
+def _evenly(line: CapturedLine) -> Floats:
+    return np.ones(len(line.times_s))
 
 
 def polygon_matrix(points: int = POINTS) -> Floats:
@@ -49,7 +54,11 @@ def _knots(points: int) -> Floats:
 
 
 def fit_polygons_of(
-    dataset: Dataset, classes: Classes, listener: Listener, lay: Layer = segments
+    dataset: Dataset,
+    classes: Classes,
+    listener: Listener,
+    lay: Layer = segments,
+    emphasis: Emphasis = _evenly,
 ) -> tuple[dict[str, Floats], dict[str, int], Floats]:
     """Polygons of all pairs that occur in `dataset`.
 
@@ -61,19 +70,25 @@ def fit_polygons_of(
         classes: class → its phones.
         listener: told of progress.
         lay: the segments of a track.
+        emphasis: how much each frame of a line counts, shape (F,).
 
     Returns:
         Pair → polygon, shape (POINTS, N); pair → number of its frames; the mean polygon.
     """
-    frames = _Frames(dataset, classes, lay)
+    frames = _Frames(dataset, classes, lay, emphasis)
     controls = len(dataset.controls)
-    mean = fit_polygons(frames.basis, frames.values, np.zeros((POINTS, controls)), 0.01)
+    rest = np.zeros((POINTS, controls))
+    mean = fit_polygons(frames.basis, frames.values, frames.counts, rest, 0.01)
     polygons = dict.fromkeys(frames.pairs, mean)
     for turn in range(_TURNS):
         owner = frames.owners(polygons) if turn else np.ones(frames.values.shape, dtype=bool)
         polygons = {
             name: fit_polygons(
-                frames.basis[rows], np.where(owner[rows], frames.values[rows], np.nan), mean, _RIDGE
+                frames.basis[rows],
+                np.where(owner[rows], frames.values[rows], np.nan),
+                frames.counts[rows],
+                mean,
+                _RIDGE,
             )
             for name, rows in frames.pairs.items()
         }
@@ -99,22 +114,25 @@ def fit_set(dataset: Dataset, listener: Listener) -> BigramSet:
 class _Frames:
     """Every captured frame in each of its two bigrams."""
 
-    def __init__(self, dataset: Dataset, classes: Classes, lay: Layer) -> None:
+    def __init__(self, dataset: Dataset, classes: Classes, lay: Layer, emphasis: Emphasis) -> None:
         classify = BigramSet({}, (), classes).class_of
         matrix = polygon_matrix()
         which: dict[str, list[int]] = defaultdict(list)
         basis: list[Floats] = []
         values: list[Floats] = []
         frame: list[Ints] = []
+        counts: list[Floats] = []
         count = row = 0
         for line in dataset.lines:
             parts = lay(line.track)
             names = [classify(symbol) for symbol in parts.symbols]
+            counted = emphasis(line)
             for rows, pair, low, part in parts.bigrams_at(line.times_s):
                 up = part[:, None]
                 basis.append((1 - up) * matrix[low] + up * matrix[low + 1])
                 values.append(line.values[rows])
                 frame.append(count + rows)
+                counts.append(counted[rows])
                 for offset, p in enumerate(pair.tolist()):
                     which[f"{names[p]}|{names[p + 1]}"].append(row + offset)
                 row += len(rows)
@@ -122,6 +140,7 @@ class _Frames:
         self.basis = np.concatenate(basis)
         self.values = np.concatenate(values)
         self.frame = np.concatenate(frame)
+        self.counts = np.concatenate(counts)
         self.pairs = {name: np.array(rows) for name, rows in sorted(which.items())}
         self.count = count
 
@@ -135,15 +154,18 @@ class _Frames:
         return value >= largest[self.frame]
 
 
-def fit_polygons(basis: Floats, values: Floats, towards: Floats, ridge: float) -> Floats:
+def fit_polygons(
+    basis: Floats, values: Floats, counts: Floats, towards: Floats, ridge: float
+) -> Floats:
     """Least squares for each control over its known rows, held `towards` a polygon; (POINTS, N)."""
     found = np.empty(towards.shape)
     for column in range(values.shape[1]):
         known = np.isfinite(values[:, column])
         own = basis[known]
-        matrix = own.T @ own + ridge * np.eye(POINTS)
+        weighted = own * counts[known, None]
+        matrix = weighted.T @ own + ridge * np.eye(POINTS)
         found[:, column] = np.linalg.solve(
-            matrix, own.T @ values[known, column] + ridge * towards[:, column]
+            matrix, weighted.T @ values[known, column] + ridge * towards[:, column]
         )
     return found
 

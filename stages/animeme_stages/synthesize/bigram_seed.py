@@ -31,19 +31,27 @@ from animeme_stages.synthesize.bigram_fit import (
     greville,
     polygon_matrix,
 )
-from animeme_stages.synthesize.bigram_passes import Segments, segments
+from animeme_stages.synthesize.bigram_passes import USUAL_LIMIT, Segments, segments
 from animeme_stages.synthesize.bigram_set import COMMON, PAUSE
+from animeme_stages.synthesize.contacts import contact_spans
 
 # Every pair is heard this often, each time between other phones and at other lengths.
 ROUNDS = 24
 _RATE_HZ = 60.0
 # Lengths of phones and pauses are drawn from these, seconds: those of read and spoken English.
-_VOWEL_S = (0.07, 0.18)
-_CONSONANT_S = (0.05, 0.12)
+_VOWEL_S = (0.08, 0.16)
+_CONSONANT_S = (0.055, 0.1)
 _PAUSE_S = (0.1, 0.3)
 # What leaving out keys may cost, in weights of a pose.
 _KEY_ERROR = 0.02
+# A pose that never gets beyond this in a pair is left out of it.
+_LEAST = 0.04
 _DIGITS = 3
+# The model's firmest closures, as a quantile of all frames: about 1 in 20 phones is one.
+_FIRM = 0.98
+# Poses do not conflict where one is up for more than this part of the time that the other is.
+_TOGETHER = 0.3
+_CONTACT_COUNTS = 3.0
 # Of several blends of poses that look alike, the one with small weights is meant.
 _PENALTY = 1e-3
 # A pose is not played beyond this.
@@ -78,14 +86,21 @@ def seed_bigrams(
         spoken.append(model.synthesize(track, rate_hz=_RATE_HZ))
         listener("speaking", (number + 1) / len(tracks))
     names, matrix, findings = _poses(poses, model.controls)
-    lines = []
-    for number, (track, curves) in enumerate(zip(tracks[1:], spoken[1:], strict=True)):
-        weights = curves.weights
-        if poses is not None:
-            weights = bounded_least_squares(matrix.T, weights, upper=_MOST, penalty=_PENALTY)
-        lines.append(CapturedLine(f"{number:03}", track, curves.times_s, weights))
-    dataset = Dataset(names, tuple(lines))
-    found, _, _ = fit_polygons_of(dataset, classes, listener, _lay)
+    strength, freed = np.ones(len(names)), []
+    weights = [curves.weights for curves in spoken[1:]]
+    if poses is not None:
+        weights = [
+            bounded_least_squares(matrix.T, one, upper=_MOST, penalty=_PENALTY) for one in weights
+        ]
+        strength, freed = _strength(poses, names, np.concatenate(weights))
+    lines = tuple(
+        CapturedLine(f"{number:03}", track, curves.times_s, one / strength)
+        for number, (track, curves, one) in enumerate(
+            zip(tracks[1:], spoken[1:], weights, strict=True)
+        )
+    )
+    dataset = Dataset(names, lines)
+    found, _, _ = fit_polygons_of(dataset, classes, listener, _lay, _emphasis)
     lowest = 0.0 if poses is not None else -np.inf
     pairs = {
         f"{a}|{b}": {"curves": _keys(found[f"{a}|{b}"], names, lowest)}
@@ -98,9 +113,52 @@ def seed_bigrams(
         document["extends"] = base
     credits = getattr(model, "credits_", "")
     source = f"seeded from the model '{model.name}'" + (f": {credits}" if credits else "")
-    document |= {"source": source, "licence": "", "window_s": 0.0, "pairs": pairs}
+    document |= {"source": source, "licence": ""}
+    if poses is not None:
+        document["poses"] = {
+            pose: {c: round(w * scale, 4) for c, w in poses.driven_by(pose).items()}
+            for pose, scale in zip(names, strength.tolist(), strict=True)
+            if scale != 1.0
+        }
+        document["conflicts"] = freed
+    document |= {"window_s": 0.0, "pairs": pairs}
     rmse, correlation = _judged(document, poses, tracks[0], spoken[0])
     return Seeded(document, rmse, correlation, tuple(findings))
+
+
+def _strength(
+    poses: DrawnSet, names: Sequence[str], weights: Floats
+) -> tuple[Floats, list[dict[str, Any]]]:
+    """How far the model takes each pose that another gives way to, 1 for the others; shape (K,).
+
+    At weight 1 such a pose is to be as firm as the model makes it: then what conflicts with it
+    gives way altogether, and lips meet whatever the lengths of the phones. Poses that the model
+    itself brings together do not conflict; the second value says so, as a document does.
+    """
+    strength = np.ones(len(names))
+    freed = []
+    rank = {pose: place for place, pose in enumerate(poses.set_.priority)}
+    for pair, limit in sorted(poses.set_.limits.items(), key=lambda entry: sorted(entry[0])):
+        weak, strong = sorted(pair, key=lambda pose: rank.get(pose, -1))
+        if strong not in rank or not pair <= set(names):
+            continue
+        low, high = weights[:, names.index(weak)], weights[:, names.index(strong)]
+        firm = round(float(np.quantile(high, _FIRM)), _DIGITS)
+        if firm <= 0:
+            continue
+        if np.mean(low[high > firm / 2] > limit / 4) > _TOGETHER:
+            freed.append({"poses": [weak, strong], "limit": USUAL_LIMIT})
+        else:
+            strength[names.index(strong)] = firm
+    return strength, freed
+
+
+def _emphasis(line: CapturedLine) -> Floats:
+    """Frames in which lips meet count more: what is missed there is seen."""
+    counts = np.ones(len(line.times_s))
+    for span in contact_spans(line.track):
+        counts[(line.times_s >= span.start_s) & (line.times_s <= span.end_s)] = _CONTACT_COUNTS
+    return counts
 
 
 def _lay(track: PhoneTrack) -> Segments:
@@ -177,7 +235,7 @@ def _keys(polygon: Floats, names: Sequence[str], lowest: float) -> dict[str, lis
     found = {}
     for column, name in enumerate(names):
         curve = np.maximum(whole[:, column], lowest)
-        if np.abs(curve).max() <= _KEY_ERROR:
+        if np.abs(curve).max() <= _LEAST:
             continue
         for points in range(2, POINTS + 1):
             basis = polygon_matrix(points)
@@ -196,7 +254,13 @@ def _judged(
     """Differences from the model in a round that the set was not fitted to."""
     whole = {**document, "extends": None}
     if poses is not None:
-        whole = {**poses.to_json(), **whole}
+        base = poses.to_json()
+        whole = {
+            **base,
+            **whole,
+            "poses": base["poses"] | document["poses"],
+            "conflicts": base["conflicts"] + document["conflicts"],
+        }
     played = Bigram.from_set(drawn_from_json(whole)).synthesize(track, rate_hz=_RATE_HZ)
     weights = played.sample(spoken.times_s)
     rmse: dict[str, float] = {}
