@@ -53,7 +53,7 @@ _FIRM = 0.98
 _TOGETHER = 0.3
 # Limit of a pose at the firmest and one that gives way. As measured on ada's mesh, 18 lines: with
 # 0.5 vowels between labials stay shut, with 1.0 one closure in five does not close to 0.02.
-_SEEDED_LIMIT = 0.9
+_SEEDED_LIMIT = 0.85
 # Polygons, being averages, do not quite reach the model's firmest closure.
 _BLUNTED = 1.2
 _CONTACT_COUNTS = 3.0
