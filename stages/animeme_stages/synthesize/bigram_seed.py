@@ -117,6 +117,8 @@ def seed_bigrams(
     document: dict[str, Any] = {"schema": SCHEMA, "name": f"like {model.name}"}
     if base:
         document["extends"] = base
+    if poses is not None:  # weights are displacements from rest, and so is what lasts
+        pairs[f"{PAUSE}|{PAUSE}"] = {"curves": {}}
     credits = getattr(model, "credits_", "")
     source = f"seeded from the model '{model.name}'" + (f": {credits}" if credits else "")
     document |= {"source": source, "licence": ""}
