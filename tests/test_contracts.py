@@ -13,7 +13,7 @@ from conftest import SAMPLE
 from support.motion import captured
 
 # Models that work without training.
-SHIPPED = ("cohen-massaro", "dam")
+SHIPPED = ("bigram", "cohen-massaro", "dam")
 
 
 @pytest.mark.parametrize("name", sorted(registry.plugins(registry.MODELS)))

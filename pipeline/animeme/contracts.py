@@ -175,7 +175,11 @@ class VoiceLearner(Protocol):
 
 
 class Model(Protocol):
-    """Turns phones into control curves; knows nothing of rigs, files or audio."""
+    """Turns phones into control curves; knows nothing of rigs, files or audio.
+
+    A model whose data people edit may also have a class attribute ``reads``, the kind of document
+    that holds them, and a class method ``from_file(path)`` that gives the model which plays one.
+    """
 
     name: ClassVar[str]
 

@@ -11,10 +11,18 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from animeme import registry
-from animeme.documents import JobDocument, problems_of, suggestion
+from animeme.documents import JobDocument, ModelSection, problems_of, suggestion
 from animeme.errors import InputError, JobError, PluginError, Problem
 
 Layout = Literal["per-character", "per-line"]
+
+
+@dataclass(frozen=True)
+class ModelChoice:
+    """A model: as shipped, by name, unless there is a file."""
+
+    name: str
+    file: Path | None
 
 
 @dataclass(frozen=True)
@@ -26,12 +34,14 @@ class CharacterJob:
         assets: its files, one per format.
         rig: "auto", a shipped profile's name, or a file relative to the job.
         layout: one file per language, or one per line.
+        model: its own, None for the job's.
     """
 
     name: str
     assets: tuple[Path, ...]
     rig: str
     layout: Layout
+    model: ModelChoice | None = None
 
 
 @dataclass(frozen=True)
@@ -109,7 +119,13 @@ def _parse(path: Path) -> dict[str, Any]:
 def _job(document: JobDocument, path: Path, output: Path | None) -> Job:
     folder = path.parent
     characters = tuple(
-        CharacterJob(name, tuple(folder / a for a in section.asset), section.rig, section.layout)
+        CharacterJob(
+            name,
+            tuple(folder / a for a in section.asset),
+            section.rig,
+            section.layout,
+            _model_choice(section.model, folder),
+        )
         for name, section in document.characters.items()
     )
     model_file = folder / document.model.file if document.model.file else None
@@ -130,6 +146,12 @@ def _job(document: JobDocument, path: Path, output: Path | None) -> Job:
     )
 
 
+def _model_choice(section: ModelSection | None, folder: Path) -> ModelChoice | None:
+    if section is None:
+        return None
+    return ModelChoice(section.name, folder / section.file if section.file else None)
+
+
 def _problems(data: Mapping[str, Any], folder: Path) -> Iterator[Problem]:
     """What is wrong with the job's values, however much of its form is wrong too."""
     root = _text(data, "dialogue", "root")
@@ -141,10 +163,7 @@ def _problems(data: Mapping[str, Any], folder: Path) -> Iterator[Problem]:
     lexicon = _text(data, "align", "lexicon")
     if lexicon is not None:
         yield from _lexicon_problems(folder / lexicon)
-    yield from _unknown_plugin(registry.MODELS, "model.name", _text(data, "model", "name"))
-    file = _text(data, "model", "file")
-    if file is not None:
-        yield from _broken_model(folder / file)
+    yield from _model_problems("model", data, folder)
     characters = data.get("characters")
     for name, section in characters.items() if isinstance(characters, dict) else ():
         if not name.isprintable() or not name.strip(".") or set(name) & set('/\\:*?"<>|'):
@@ -166,13 +185,19 @@ def _unknown_plugin(group: str, path: str, name: str | None) -> Iterator[Problem
         yield Problem(path, f"there is no {kind} '{name}'", suggestion(name, known))
 
 
-def _broken_model(file: Path) -> Iterator[Problem]:
+def _model_problems(path: str, table: Mapping[str, Any], folder: Path) -> Iterator[Problem]:
+    """What is wrong with the section `model` of the job or of a character."""
+    yield from _unknown_plugin(registry.MODELS, f"{path}.name", _text(table, "model", "name"))
+    name = _text(table, "model", "file")
+    if name is None:
+        return
+    file = folder / name
     try:
         registry.load_model(file=file)
     except InputError as error:
-        yield Problem("model.file", f"{error.place}: {error.problem}", error.action)
+        yield Problem(f"{path}.file", f"{error.place}: {error.problem}", error.action)
     except PluginError as error:
-        yield Problem("model.file", f"{file}: {error}")
+        yield Problem(f"{path}.file", f"{file}: {error}")
 
 
 def _lexicon_problems(file: Path) -> Iterator[Problem]:
@@ -203,6 +228,7 @@ def _character_problems(path: str, section: Mapping[str, Any], folder: Path) -> 
             clash = f"'{suffixes[suffix]}' and '{asset}' would be written to one file"
             yield Problem(f"{path}.asset", clash, "Make them two characters.")
         suffixes[suffix] = asset
+    yield from _model_problems(f"{path}.model", section, folder)
     rig = section.get("rig")
     if isinstance(rig, str):
         yield from _rig_problems(f"{path}.rig", rig, folder)

@@ -23,6 +23,9 @@ def load_plugins(job: Job) -> None:
     """
     registry.aligner(job.aligner)
     registry.load_model(job.model, file=job.model_file)
+    for character in job.characters:
+        if character.model is not None:
+            registry.load_model(character.model.name, file=character.model.file)
     for subject in ("line", "asset"):
         registry.checks(subject)
     for group in (registry.STAGES, registry.REPORTS):
@@ -63,7 +66,7 @@ def load_targets(job: Job) -> tuple[list[Target], list[Finding]]:
             except InputError as error:
                 findings.append(Finding.from_error(error, character=character.name))
                 continue
-            targets.append(Target(character.name, asset, rig))
+            targets.append(Target(character.name, asset, rig, character.model))
             if rig.missing:
                 findings.append(_missing_shapes(targets[-1]))
     # A character with one broken asset is broken: half a delivery would pass for a whole one.
@@ -138,7 +141,8 @@ def _inputs(plan: Plan) -> Iterator[Path]:
     yield job.source
     yield from (target.asset.source for target in plan.targets)
     yield from (job.folder / character.rig for character in job.characters)
-    yield from (path for path in (job.model_file, job.lexicon, job.voices) if path)
+    own = (character.model.file for character in job.characters if character.model is not None)
+    yield from (path for path in (job.model_file, job.lexicon, job.voices, *own) if path)
     for line in plan.lines:
         yield from (line.audio, line.transcript)
         yield from () if line.timings is None else (line.timings,)

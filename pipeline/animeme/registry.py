@@ -144,7 +144,10 @@ def stage(name: str) -> Callable[..., Any]:
 
 
 def load_model(name: str | None = None, *, file: Path | None = None) -> Model:
-    """A model as shipped, by name, or one that was saved as a document.
+    """A model as shipped, by name, or the one in a file.
+
+    The file is a ``model`` document, or of the kind that a model says it `reads`: an animator's
+    bigrams, for one.
 
     Raises:
         PluginError: no such model is registered.
@@ -152,6 +155,11 @@ def load_model(name: str | None = None, *, file: Path | None = None) -> Model:
     """
     if file is None:
         return model_type(name or "").default()
+    kind_of_file = documents.kind_of(file)
+    if kind_of_file not in ("", "model"):
+        for name in plugins(MODELS):
+            if getattr(model_type(name), "reads", "") == kind_of_file:
+                return model_type(name).from_file(file)  # type: ignore[attr-defined, no-any-return]
     document = documents.read("model", file)
     kind = model_type(document["model"])
     try:

@@ -31,7 +31,8 @@ from animeme.dialogue import Line, voice_of
 from animeme.errors import InputError
 from animeme.files import unwritable, write_text
 from animeme.findings import Finding, Severity
-from animeme.phones import Event
+from animeme.job import ModelChoice
+from animeme.phones import Event, PhoneTrack
 from animeme.rig import BoundRig, Character
 
 
@@ -43,11 +44,13 @@ class Target:
         character: the character's name in the job.
         asset: what its format read.
         rig: its bound profile.
+        model: the character's own, None for the job's.
     """
 
     character: str
     asset: Character
     rig: BoundRig
+    model: ModelChoice | None = None
 
 
 @dataclass(frozen=True)
@@ -353,19 +356,24 @@ def _save_alignment(output: Path, line: Line, alignment: Alignment) -> None:
     write_text(alignment_path(output, line), document + "\n")
 
 
-@lru_cache(maxsize=1)
-def _model(spool: Path) -> Model:
+@lru_cache(maxsize=8)
+def _model(spool: Path, own: ModelChoice | None) -> Model:
     # Once per run and process: the next run may find another model in the same file.
+    if own is not None:
+        return registry.load_model(own.name, file=own.file)
     context = _context(spool)
     return registry.load_model(context.model, file=context.model_file)
 
 
 def _animate(item: LineItem, context: RunContext, alignment: Alignment) -> Iterator[Finding]:
-    model = _model(item.spool)
-    controls = model.synthesize(alignment.track, rate_hz=context.rate_hz)
-    yield from model.remarks(alignment.track)
-    for index in item.targets:
-        target = context.targets[index]
+    targets = [context.targets[index] for index in item.targets]
+    spoken = {
+        own: _model(item.spool, own).synthesize(alignment.track, rate_hz=context.rate_hz)
+        for own in dict.fromkeys(target.model for target in targets)
+    }
+    yield from _remarks(item, targets, alignment.track)
+    for index, target in zip(item.targets, targets, strict=True):
+        controls = spoken[target.model]
         rest = target.asset.rest_weights()
         full: CurveSet = registry.stage("retarget")(controls, target.rig, rest)
         shapes = reduce_keys(full, context.max_error)
@@ -374,6 +382,13 @@ def _animate(item: LineItem, context: RunContext, alignment: Alignment) -> Itera
             for finding in check.run(subject):
                 yield replace(finding, character=target.character)
         _save_curves(_spooled(item.spool, item.number, index), shapes, alignment.track.events)
+
+
+def _remarks(item: LineItem, targets: Sequence[Target], track: PhoneTrack) -> Iterator[Finding]:
+    """What models say of the line; of a character's own model, as a finding of that character."""
+    for own, character in dict.fromkeys((t.model, t.character if t.model else "") for t in targets):
+        for finding in _model(item.spool, own).remarks(track):
+            yield replace(finding, character=character)
 
 
 def _spooled(spool: Path, number: int, target: int) -> Path:

@@ -17,6 +17,7 @@ import click
 # Name → one-line help. Commands are imported when used, so that --help is quick.
 _COMMANDS = {
     "align": "Find when each phone of a recording, or of a folder of lines, is spoken.",
+    "bigrams": "Make, import and check curves for pairs of phones that animators edit.",
     "crossmap": "Map tracked lips to a character's controls, as a dataset to train on.",
     "doctor": "Say what is installed, and what extras would add.",
     "evaluate": "Compare models with captured motion they were not fitted to.",

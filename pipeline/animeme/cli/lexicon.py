@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
 from pathlib import Path
 
 import click
@@ -12,12 +11,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from animeme import registry
-from animeme.dialogue import Line, find_lines
+from animeme.cli.lines import lines_of
 from animeme.errors import InputError
 from animeme.files import write_text
 from animeme.findings import Severity, exit_code_of
-from animeme.job import read_job
-from animeme.preflight import dialogue_of
 from animeme.vocabulary import Survey
 
 # More words than this are not shown on a terminal; --json and --output have all.
@@ -54,7 +51,7 @@ def command(
             place=str(output),
             action="Choose another name: a reviewed lexicon would be lost.",
         )
-    lines = [line for path in paths for line in _lines(path)]
+    lines = [line for path in paths for line in lines_of(path)]
     survey: Survey = registry.stage("survey-words")(lines, lexicon)
     if output is not None:
         write_text(output, survey.to_lexicon())
@@ -67,27 +64,6 @@ def command(
     if output is not None:
         click.echo(f"Wrote {output}: check every line of it.", err=True)
     return exit_code_of(survey.findings, Severity.ERROR)
-
-
-def _lines(path: Path) -> Iterable[Line]:
-    if path.is_dir():
-        lines = find_lines(path, ())
-        if lines:
-            return lines
-        raise InputError(
-            "dialogue-empty",
-            "there is no line below this folder",
-            place=str(path),
-            action="It holds <language>/<line>.txt, each beside its recording.",
-        )
-    if path.suffix.lower() == ".toml":
-        return dialogue_of(read_job(path))
-    raise InputError(
-        "dialogue-missing",
-        "is neither a dialogue folder nor a job file",
-        place=str(path),
-        action="Name a folder that holds <language>/<line>.txt, or a job's .toml.",
-    )
 
 
 def _show(survey: Survey) -> None:

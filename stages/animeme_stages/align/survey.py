@@ -46,7 +46,7 @@ def survey(lines: Sequence[Line], lexicon: Path | None = None) -> Survey:
     for line in lines:
         try:
             spoken_in = language(line.language)
-            found = tokens(_text(line, spoken_in), spoken_in)
+            found = tokens(text_of(line, spoken_in), spoken_in)
         except InputError as error:
             findings.append(Finding.from_error(error, line=line.key))
             continue
@@ -74,8 +74,12 @@ def survey(lines: Sequence[Line], lexicon: Path | None = None) -> Survey:
     )
 
 
-def _text(line: Line, spoken_in: Language) -> str:
-    """What the line's transcript says, or its timings where they are all there is."""
+def text_of(line: Line, spoken_in: Language) -> str:
+    """What the line's transcript says, or its timings where they are all there is.
+
+    Raises:
+        InputError: it cannot be read.
+    """
     if line.timings is None or line.transcript.is_file():
         return read_transcript(line.transcript)
     timings = read_timings(line.timings)
