@@ -26,13 +26,14 @@ from animeme.contracts import (
     Speech,
     Spoken,
 )
-from animeme.curves import CurveSet, reduce_keys
+from animeme.curves import CurveSet, drop_still
 from animeme.dialogue import Line
 from animeme.errors import InputError
 from animeme.files import unwritable, write_text
 from animeme.findings import Finding, Severity
 from animeme.phones import Event
 from animeme.rig import BoundRig, Character
+from animeme.shaping import CurveOptions, LineMotion
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class RunContext:
         lexicon: pronunciations of the user's, or None.
         model: name of the model, or None if there is a file.
         model_file: model document.
-        rate_hz, max_error: of the curves.
+        curves: how they are sampled, placed and handed out.
         output: the run's output folder.
         speak: speak transcripts that have no recording.
     """
@@ -70,8 +71,7 @@ class RunContext:
     lexicon: Path | None
     model: str | None
     model_file: Path | None
-    rate_hz: float
-    max_error: float
+    curves: CurveOptions
     output: Path
     speak: bool
 
@@ -139,6 +139,7 @@ class AssetItem:
         lines: (number of the line, animation name, length in seconds).
         output: file to write.
         spool: the run's spool folder.
+        exports: (place in `lines`, kind, file) of each curve file to write as well.
     """
 
     target: int
@@ -146,6 +147,7 @@ class AssetItem:
     lines: tuple[tuple[int, str, float], ...]
     output: Path
     spool: Path
+    exports: tuple[tuple[int, str, Path], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -336,19 +338,22 @@ def _model(spool: Path) -> Model:
 
 
 def _animate(item: LineItem, context: RunContext, alignment: Alignment) -> Iterator[Finding]:
-    model = _model(item.spool)
-    controls = model.synthesize(alignment.track, rate_hz=context.rate_hz)
-    yield from model.remarks(alignment.track)
+    motion = LineMotion(item.line, alignment.track, context.curves, lambda: _model(item.spool))
+    yield from motion.strangers([context.targets[i].character for i in item.targets])
     for index in item.targets:
         target = context.targets[index]
-        rest = target.asset.rest_weights()
-        full: CurveSet = registry.stage("retarget")(controls, target.rig, rest)
-        shapes = reduce_keys(full, context.max_error)
-        subject = LineSubject(alignment.track, controls, target.rig, shapes)
-        for check in registry.checks("line"):
-            for finding in check.run(subject):
-                yield replace(finding, character=target.character)
-        _save_curves(_spooled(item.spool, item.number, index), shapes, alignment.track.events)
+        try:
+            made = motion.of(target.character, target.asset, target.rig)
+        except InputError as error:
+            yield Finding.from_error(error, character=target.character)
+            continue
+        subject = LineSubject(motion.track, made.controls, target.rig, made.heard)
+        checked = (found for check in registry.checks("line") for found in check.run(subject))
+        for finding in (*made.findings, *checked):
+            yield replace(finding, character=target.character)
+        path = _spooled(item.spool, item.number, index)
+        _save_curves(path, made.shapes, motion.track.events)
+    yield from motion.remarks()
 
 
 def _spooled(spool: Path, number: int, target: int) -> Path:
@@ -377,6 +382,45 @@ def _load_curves(path: Path) -> tuple[CurveSet, tuple[Event, ...]]:
         return curves, tuple(Event(tag, time_s) for tag, time_s in tags)
 
 
+def _animations(item: AssetItem, target: Target, context: RunContext) -> tuple[LineAnimation, ...]:
+    """What goes into one file."""
+    loaded = [_load_curves(_spooled(item.spool, n, item.target)) for n, _, _ in item.lines]
+    curves = [shapes for shapes, _ in loaded]
+    if not target.asset.animations:  # else theirs would show where ours has no curve
+        meshes = [[target.asset.canonical[s] for s in mesh.shapes] for mesh in target.asset.meshes]
+        curves = drop_still(curves, target.asset.rest_weights(), meshes)
+    lead_s = context.curves.preroll_s
+    return tuple(
+        LineAnimation(name, item.language, shapes, length_s, events, lead_s)
+        for (_, name, length_s), shapes, (_, events) in zip(item.lines, curves, loaded, strict=True)
+    )
+
+
+def _exported(
+    item: AssetItem,
+    lines: Sequence[LineAnimation],
+    rig: BoundRig,
+    context: RunContext,
+    findings: list[Finding],
+) -> Iterator[Path]:
+    """Write the curve files; one that cannot be written is a finding of its line."""
+    for place, kind, path in item.exports:
+        line = lines[place]
+        try:
+            noted = registry.stage("write-curves")(
+                line.curves, path, kind, rig=rig, frame_rate=context.curves.frame_rate
+            )
+        except InputError as error:
+            # The line itself is in its asset: what a format has no place for is for review.
+            lost = error.code == "output-unwritable"
+            found = Finding.from_error(error, line=line.name)
+            severity = Severity.ERROR if lost else Severity.WARNING
+            findings.append(replace(found, severity=severity))
+            continue
+        findings += [replace(finding, line=line.name) for finding in noted]
+        yield path
+
+
 class _RejectedError(Exception):
     """A written file did not pass its checks."""
 
@@ -386,11 +430,7 @@ def write_asset(item: AssetItem) -> AssetOutcome:
     context = _context(item.spool)
     target = context.targets[item.target]
     form = registry.format_named(target.asset.format)
-    lines = tuple(
-        LineAnimation(name, item.language, curves, length_s, events)
-        for number, name, length_s in item.lines
-        for curves, events in [_load_curves(_spooled(item.spool, number, item.target))]
-    )
+    lines = _animations(item, target, context)
     findings: list[Finding] = []
 
     def verify(path: Path) -> None:
@@ -400,8 +440,12 @@ def write_asset(item: AssetItem) -> AssetOutcome:
         if any(finding.severity == Severity.ERROR for finding in findings):
             raise _RejectedError
 
+    def write() -> tuple[Path, ...]:
+        outputs = form.write(target.asset, lines, item.output, verify=verify)
+        return (*outputs, *_exported(item, lines, target.rig, context, findings))
+
     return _written(
-        lambda: form.write(target.asset, lines, item.output, verify=verify),
+        write,
         findings,
         target.character,
         item.output,

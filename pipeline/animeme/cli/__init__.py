@@ -18,6 +18,7 @@ import click
 _COMMANDS = {
     "align": "Find when each phone of a recording, or of a folder of lines, is spoken.",
     "crossmap": "Map tracked lips to a character's controls, as a dataset to train on.",
+    "curves": "List the animations of an asset, or write one as a curve file.",
     "doctor": "Say what is installed, and what extras would add.",
     "evaluate": "Compare models with captured motion they were not fitted to.",
     "lexicon": "List the words of a dialogue that no dictionary has.",

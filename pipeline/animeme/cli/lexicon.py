@@ -81,7 +81,7 @@ def _lines(path: Path) -> Iterable[Line]:
             action="It holds <language>/<line>.txt, each beside its recording.",
         )
     if path.suffix.lower() == ".toml":
-        return dialogue_of(read_job(path))
+        return dialogue_of(read_job(path))[0]
     raise InputError(
         "dialogue-missing",
         "is neither a dialogue folder nor a job file",
