@@ -157,10 +157,12 @@ def reduce_keys(curves: CurveSet, max_error: float) -> CurveSet:
         left, right = pending.pop()
         if right - left < 2:
             continue
-        excess, split = max(_worst(*axis, left, right) for axis in axes)
-        if excess > 0:
-            keep[split] = True
-            pending += [(left, split), (split, right)]
+        for axis in axes:
+            excess, split = _worst(*axis, left, right)
+            if excess > 0:
+                keep[split] = True
+                pending += [(left, split), (split, right)]
+                break
     return CurveSet(curves.times_s[keep], curves.names, curves.weights[keep])
 
 

@@ -91,7 +91,7 @@ class CurvesSection(Document):
     frame_rate: Annotated[float | str, AfterValidator(_known_rate)] | None = Field(
         None,
         description='Frames of uniform keys and of time codes: 23.976, 24, 25, 29.97, "29.97df", '
-        '30, 48, 50, 59.94, "59.94df", 60 or 120.',
+        '30, 48, 50, 59.94, "59.94df" or 60.',
     )
     offset_s: Annotated[Number, Field(ge=-60, le=60)] = Field(
         0.0, description="Shift of the motion against the audio; positive is later."

@@ -86,7 +86,7 @@ def resolve(edit: AnyEdit, track: PhoneTrack, lead_s: float) -> Range:
         max(start_s, 0.0),
         min(end_s, end_of_line_s),
         edit.from_ is None,
-        edit.to is None and not isinstance(edit, ReplaceEdit),
+        end_s > end_of_line_s or (edit.to is None and not isinstance(edit, ReplaceEdit)),
         tuple(remarks),
     )
 

@@ -132,5 +132,4 @@ RATES: dict[str, FrameRate] = {
     "59.94": FrameRate(_ntsc(60)),
     "59.94df": FrameRate(_ntsc(60), drop_frame=True),
     "60": FrameRate(Fraction(60)),
-    "120": FrameRate(Fraction(120)),
 }

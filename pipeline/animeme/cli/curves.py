@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from animeme import registry
-from animeme.curves import CurveSet
+from animeme.curves import CurveSet, drop_still
 from animeme.documents import suggestion
 from animeme.errors import InputError
 from animeme.rig import BoundRig
@@ -113,9 +113,11 @@ def export(
 
 
 def _animations(asset: Path) -> dict[str, CurveSet]:
+    """Every animation's curves that leave the rest pose."""
     form = registry.format_of(asset)
-    form.load(asset)  # for its errors: a missing or damaged file, no blendshapes
-    return form.read_animations(asset)
+    rest = form.load(asset).rest_weights()
+    found = form.read_animations(asset)
+    return {name: drop_still([curves], rest, [])[0] for name, curves in found.items()}
 
 
 def _chosen(found: dict[str, CurveSet], line: str, asset: Path) -> CurveSet:
