@@ -6,6 +6,8 @@ and nine angles of head and eyes. Order and names as the app's own takes have th
 
 from __future__ import annotations
 
+import numpy as np
+
 from animeme.curves import CurveSet
 from animeme.rig import BoundRig
 from animeme.timing import RATES, FrameRate
@@ -68,4 +70,4 @@ def rows(curves: CurveSet, columns: dict[str, str], rate: FrameRate) -> list[lis
 
 def number(value: float) -> str:
     """Shortest text that float32 reads back; nobody plays more."""
-    return f"{value:.9g}"
+    return f"{np.float32(value):.9g}"

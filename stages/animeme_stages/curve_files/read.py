@@ -101,7 +101,7 @@ def _arrays(path: Path) -> CurveSet:
     try:
         if path.stat().st_size > LARGEST_BYTES:
             raise _broken(path, f"is larger than {LARGEST_BYTES >> 20} MB")
-        with np.load(path, allow_pickle=False) as data:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
             missing = {"times_s", "names", "weights"} - set(data.files)
             if missing:
                 raise _broken(path, f"has no array {', '.join(sorted(missing))}")
