@@ -20,6 +20,7 @@ _COMMANDS = {
     "crossmap": "Map tracked lips to a character's controls, as a dataset to train on.",
     "curves": "List the animations of an asset, or write one as a curve file.",
     "doctor": "Say what is installed, and what extras would add.",
+    "edits": "Start a file of edits by hand beside a recording.",
     "evaluate": "Compare models with captured motion they were not fitted to.",
     "lexicon": "List the words of a dialogue that no dictionary has.",
     "rig": "Say which rig profile fits an asset, or draft one.",

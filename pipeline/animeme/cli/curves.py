@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import click
@@ -91,6 +92,8 @@ def export(
         raise click.BadParameter(suggestion(kind, kinds), param_hint="--format")
     rate = _rate(frame_rate)
     curves = _chosen(_animations(asset), line, asset)
+    if not math.isfinite(shift_s):
+        raise click.BadParameter("is no number of seconds", param_hint="--shift-s")
     if shift_s:
         curves = CurveSet(curves.times_s + shift_s, curves.names, curves.weights)
     if rate is not None:
@@ -106,8 +109,8 @@ def export(
     for finding in findings:
         click.echo(str(finding), err=True)
     if as_json:
-        keys = {"output": str(output), "keys": len(curves.times_s), "shapes": list(curves.names)}
-        click.echo(json.dumps(keys, ensure_ascii=False, indent=1))
+        document = {"output": str(output), "shapes": list(curves.names)}
+        click.echo(json.dumps(document, ensure_ascii=False, indent=1))
     else:
         click.echo(f"Wrote {output}: {len(curves.names)} curves.", err=True)
 
