@@ -21,7 +21,7 @@ from animeme.timing import FrameRate
 _ASSET = click.argument("asset", type=click.Path(path_type=Path))
 
 
-@click.group("curves")
+@click.group("curves", epilog="Example: animeme curves list out/sample/en/ada.glb --json")
 def command() -> None:
     """List the animations of an asset, or write one as a curve file."""
 
