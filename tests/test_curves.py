@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from animeme import documents
-from animeme.curves import CurveSet, interpolate, reduce_keys
+from animeme.curves import CurveSet, drop_still, interpolate, reduce_keys
 
 PROPERTY = settings(deadline=None, derandomize=True, max_examples=80)
 
@@ -165,6 +165,40 @@ def test_dropped_keys_stay_within_the_bound_everywhere(curves: CurveSet, max_err
     assert error.max(initial=0.0) <= max_error + 1e-12
 
 
+def as_written(curves: CurveSet) -> CurveSet:
+    """As a file of float32 plays them."""
+    times_s = curves.times_s.astype(np.float32)
+    keep = np.append(True, np.diff(times_s) > 0)
+    weights = curves.weights.astype(np.float32)
+    return CurveSet(times_s[keep], curves.names, weights[keep])
+
+
+def largest_error(first: CurveSet, second: CurveSet) -> float:
+    """Two polygons differ most at a corner of one of them."""
+    corners = np.union1d(first.times_s, second.times_s)
+    error = np.abs(first.sample(corners) - second.sample(corners))
+    return float(error.max(initial=0.0))
+
+
+@given(curve_sets(), BOUNDS)
+@PROPERTY
+def test_the_bound_holds_for_what_a_file_plays(curves: CurveSet, max_error: float) -> None:
+    written = as_written(reduce_keys(curves, max_error))
+    # Where rounding alone costs more than the bound, no choice of keys could keep it.
+    unavoidable = largest_error(as_written(curves), curves)
+    assert largest_error(written, curves) <= max(max_error, unavoidable) + 1e-12
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_bound_holds_in_a_file_at_the_end_of_a_long_line(seed: int) -> None:
+    times_s = 3000.0 + np.arange(300) / 60
+    weights = np.cumsum(np.random.default_rng(seed).normal(0, 0.02, (300, 2)), axis=0)
+    curves = CurveSet(times_s, ("a", "b"), weights)
+    reduced = reduce_keys(curves, 0.01)
+    assert 20 < len(reduced.times_s) < 280
+    assert largest_error(as_written(reduced), curves) <= 0.01
+
+
 @given(curve_sets(), BOUNDS)
 @PROPERTY
 def test_kept_keys_are_old_ones_with_the_first_and_the_last(
@@ -230,3 +264,37 @@ def test_many_keys_do_not_exhaust_the_stack() -> None:
 def test_interpolation_with_one_key_is_constant() -> None:
     at = np.array([-1.0, 0.0, 5.0])
     assert interpolate(np.array([0.0]), np.array([[0.5]]), at).tolist() == [[0.5]] * 3
+
+
+# Curves at rest
+
+
+def test_curves_at_rest_are_dropped() -> None:
+    weights = [[0.0, 0.3, 0.0, 0.1], [0.0, 0.3, 0.5, 0.1]]
+    curves = CurveSet([0.0, 1.0], ("zero", "still", "moves", "elsewhere"), weights)
+    (kept,) = drop_still([curves], {"still": 0.3}, [])
+    # 0.1 all the time is not where the character is at rest, so it says something.
+    assert kept == CurveSet([0.0, 1.0], ("moves", "elsewhere"), [[0.0, 0.1], [0.5, 0.1]])
+
+
+def test_rest_is_what_a_file_of_float32_says() -> None:
+    curves = CurveSet([0.0, 1.0], ("a", "b"), [[0.1, 0.0], [0.1, 1.0]])
+    (kept,) = drop_still([curves], {"a": float(np.float32(0.1))}, [])
+    assert kept.names == ("b",)
+
+
+def test_every_line_speaks_of_each_mesh_that_one_of_them_moves() -> None:
+    first = CurveSet([0.0, 1.0], ("jaw", "smile"), [[0.0, 0.0], [1.0, 0.0]])
+    second = CurveSet([0.0, 2.0], ("jaw", "blink"), [[0.0, 0.0], [0.0, 0.5]])
+    meshes = (("jaw", "smile"), ("jaw", "tongue"), ("blink",), ("hat",))
+    kept = drop_still([first, second], {"jaw": 0.0, "blink": 0.2}, meshes)
+    # The first holds the eyelids at rest, else they would stay as the second left them.
+    assert kept[0] == CurveSet([0.0, 1.0], ("jaw", "blink"), [[0.0, 0.2], [1.0, 0.2]])
+    assert set(kept[1].names) == {"jaw", "blink"}
+    assert kept[1].curve("jaw").tolist() == [0.0, 0.0]
+
+
+def test_a_line_that_never_moves_keeps_one_curve_per_mesh() -> None:
+    still = CurveSet([0.0, 1.0], ("a", "b"), np.zeros((2, 2)))
+    assert drop_still([still], {}, [("a", "b")])[0].names == ("a",)
+    assert drop_still([still], {}, [])[0].names == ()

@@ -245,7 +245,7 @@ def learn_voices(
     target, chosen, words = _path(output), aligner or "pocketsphinx", _path(lexicon)
     if Path(path).suffix.lower() == ".toml":
         job = read_job(Path(path))
-        lines: Sequence[Line] = dialogue_of(job)
+        lines: Sequence[Line] = dialogue_of(job)[0]
         target, words, chosen = target or job.voices, words or job.lexicon, aligner or job.aligner
     else:
         lines = tuple(lines_below(Path(path), language, chosen).values())

@@ -250,8 +250,9 @@ class LineAnimation:
         name: of the animation in the asset; unique within a file.
         language: BCP-47 tag.
         curves: over the character's canonical shape names (see `Character.canonical`).
-        duration_s: length of the recording; the animation ends there.
+        duration_s: length of the recording.
         events: the transcript's inline tags, which the asset carries beside the animation.
+        audio_start_s: when the recording starts; before it the animation has its pre-roll.
     """
 
     name: str
@@ -259,6 +260,12 @@ class LineAnimation:
     curves: CurveSet
     duration_s: float
     events: tuple[Event, ...] = ()
+    audio_start_s: float = 0.0
+
+    @property
+    def end_s(self) -> float:
+        """When recording and motion are both over."""
+        return max(self.audio_start_s + self.duration_s, self.curves.duration_s)
 
 
 Verify = Callable[[Path], None]

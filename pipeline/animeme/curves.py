@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -136,6 +137,9 @@ def reduce_keys(curves: CurveSet, max_error: float) -> CurveSet:
     bounds it everywhere. Ramer 1972 and Douglas & Peucker 1973, with the vertical distance and the
     largest error over all curves.
 
+    Files hold float32. The bound holds for what they play too: what rounding costs is taken off
+    beforehand. Only where rounding alone costs more than `max_error` is that the bound.
+
     Args:
         curves: any curve set.
         max_error: largest allowed deviation, in weight units, ≥ 0.
@@ -143,21 +147,91 @@ def reduce_keys(curves: CurveSet, max_error: float) -> CurveSet:
     Returns:
         A curve set with the first and last key and as many others as needed.
     """
-    times_s, weights = curves.times_s, curves.weights
-    keep = np.zeros(len(times_s), dtype=bool)
+    rounded = _rounded(curves)
+    left_over = max(0.0, max_error - _rounding_error(curves, rounded))
+    axes = ((curves.times_s, curves.weights, max_error), (*rounded, left_over))
+    keep = np.zeros(len(curves.times_s), dtype=bool)
     keep[[0, -1]] = True
-    pending = [(0, len(times_s) - 1)]
+    pending = [(0, len(curves.times_s) - 1)] if curves.names else []
     while pending:
         left, right = pending.pop()
-        if right - left < 2 or not weights.shape[1]:
+        if right - left < 2:
             continue
-        inner = slice(left + 1, right)
-        ends = [left, right]
-        line = interpolate(times_s[ends], weights[ends], times_s[inner])
-        error = np.abs(line - weights[inner]).max(axis=1)
-        worst = int(np.argmax(error))
-        if error[worst] > max_error:
-            split = left + 1 + worst
-            keep[split] = True
-            pending += [(left, split), (split, right)]
-    return CurveSet(times_s[keep], curves.names, weights[keep])
+        for axis in axes:
+            excess, split = _worst(*axis, left, right)
+            if excess > 0:
+                keep[split] = True
+                pending += [(left, split), (split, right)]
+                break
+    return CurveSet(curves.times_s[keep], curves.names, curves.weights[keep])
+
+
+def _worst(
+    times_s: Floats, weights: Floats, max_error: float, left: int, right: int
+) -> tuple[float, int]:
+    """By how much the worst key between two kept ones exceeds the bound, and which it is."""
+    ends = [left, right]
+    if times_s[left] == times_s[right]:  # one moment in float32: nothing to choose between
+        return -max_error, left + 1
+    inner = slice(left + 1, right)
+    line = interpolate(times_s[ends], weights[ends], times_s[inner])
+    error = np.abs(line - weights[inner]).max(axis=1)
+    worst = int(np.argmax(error))
+    return float(error[worst]) - max_error, left + 1 + worst
+
+
+def _rounded(curves: CurveSet) -> tuple[Floats, Floats]:
+    """Times and weights as a file of float32 gives them back."""
+    return (
+        curves.times_s.astype(np.float32).astype(np.float64),
+        curves.weights.astype(np.float32).astype(np.float64),
+    )
+
+
+def _rounding_error(curves: CurveSet, rounded: tuple[Floats, Floats]) -> float:
+    """Largest deviation that rounding every key to float32 causes, in weight units."""
+    times_s, weights = rounded
+    distinct = np.append(True, np.diff(times_s) > 0)
+    times_s, weights = times_s[distinct], weights[distinct]
+    # Two polygons differ most at a corner of one of them.
+    corners = np.union1d(curves.times_s, times_s)
+    error = interpolate(times_s, weights, corners) - curves.sample(corners)
+    return float(np.abs(error).max(initial=0.0))
+
+
+def drop_still(
+    lines: Sequence[CurveSet], rest: Mapping[str, float], meshes: Sequence[Collection[str]]
+) -> list[CurveSet]:
+    """The lines of one file without the curves that stay at rest.
+
+    A shape without a curve is at rest in every format. But a player that goes from one line to the
+    next leaves a mesh as it is if the next line has nothing to say about it: so each mesh that any
+    of the lines has a curve for keeps one in all of them.
+
+    Args:
+        lines: curves of each line.
+        rest: weight of each shape when nothing drives it.
+        meshes: shape names of each mesh.
+    """
+    named = {name for curves in lines for name in curves.names}
+    spoken = [[name for name in mesh if name in named] for mesh in meshes]
+    return [_without_still(curves, rest, [mesh for mesh in spoken if mesh]) for curves in lines]
+
+
+def _without_still(
+    curves: CurveSet, rest: Mapping[str, float], meshes: Sequence[Sequence[str]]
+) -> CurveSet:
+    at_rest = np.array([rest.get(name, 0.0) for name in curves.names]).astype(np.float32)
+    moves = (curves.weights.astype(np.float32) != at_rest).any(axis=0)
+    kept = dict.fromkeys(name for name, moving in zip(curves.names, moves, strict=True) if moving)
+    for mesh in meshes:
+        if not any(name in kept for name in mesh):
+            kept[mesh[0]] = None
+    columns = {name: i for i, name in enumerate(curves.names)}
+    still = np.ones(len(curves.times_s))
+    weights = [
+        curves.weights[:, columns[name]] if name in columns else still * rest.get(name, 0.0)
+        for name in kept
+    ]
+    stacked = np.array(weights).reshape(len(kept), len(still)).T
+    return CurveSet(curves.times_s, tuple(kept), stacked)

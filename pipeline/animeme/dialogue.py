@@ -24,6 +24,21 @@ _SUFFIXES = AUDIO_SUFFIXES + TEXT_SUFFIXES + TIMING_SUFFIXES + UNSURE_SUFFIXES
 
 
 @dataclass(frozen=True)
+class SideCar:
+    """A file by hand beside a recording.
+
+    Attributes:
+        kind: "curves" or "edits".
+        path: the file.
+        character: for whom alone it is, "" for everybody who speaks the line.
+    """
+
+    kind: str
+    path: Path
+    character: str
+
+
+@dataclass(frozen=True)
 class Line:
     """One recording in one language.
 
@@ -35,6 +50,7 @@ class Line:
         transcript: its text.
         timings: phones or words that somebody has already timed, or None.
         findings: what its discovery noticed.
+        side_cars: curves and edits by hand, those for everybody first.
     """
 
     id: str
@@ -44,6 +60,18 @@ class Line:
     transcript: Path
     timings: Path | None = None
     findings: tuple[Finding, ...] = ()
+    side_cars: tuple[SideCar, ...] = ()
+
+    def files_of(self, kind: str, character: str, *, alone: bool = False) -> tuple[Path, ...]:
+        """Files by hand of one kind that concern a character, those for everybody first.
+
+        Args:
+            kind: "curves" or "edits".
+            character: its name, "" for everybody.
+            alone: leave out those for everybody.
+        """
+        whose = {character} if alone else {"", character}
+        return tuple(c.path for c in self.side_cars if c.kind == kind and c.character in whose)
 
     @property
     def key(self) -> str:

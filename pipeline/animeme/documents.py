@@ -13,21 +13,16 @@ import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from animeme.document_base import Document, Number, Seconds
+from animeme.edits_document import EditsDocument
 from animeme.errors import InputError, Problem
 from animeme.places import Places
-
-Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
-Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
-
-
-class Document(BaseModel):
-    """Base of all documents: frozen, and strangers among the members are errors."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+from animeme.timing import FrameRate
 
 
 def _as_list(value: Any) -> Any:
@@ -83,12 +78,38 @@ class ModelSection(Document):
     )
 
 
-class CurvesSection(Document):
-    """How curves are sampled."""
+def _known_rate(value: Any) -> Any:
+    FrameRate.parse(value)
+    return value
 
-    rate_hz: Annotated[Number, Field(gt=0, le=1000)] = 60.0
+
+class CurvesSection(Document):
+    """How curves are sampled, placed in time and handed out."""
+
+    rate_hz: Annotated[Number, Field(gt=0, le=1000)] = Field(
+        60.0, description="Sampling rate of the motion, and of uniform keys."
+    )
     max_error: Annotated[Number, Field(ge=0, le=0.5)] = Field(
         0.002, description="Largest error that dropping keys may cause, in weight units."
+    )
+    keys: Literal["reduced", "uniform"] = Field(
+        "reduced",
+        description="As few keys as `max_error` allows, or one per frame of `frame_rate`, else of "
+        "`rate_hz`.",
+    )
+    frame_rate: Annotated[float | str, AfterValidator(_known_rate)] | None = Field(
+        None,
+        description='Frames of uniform keys and of time codes: 23.976, 24, 25, 29.97, "29.97df", '
+        '30, 48, 50, 59.94, "59.94df" or 60.',
+    )
+    offset_s: Annotated[Number, Field(ge=-60, le=60)] = Field(
+        0.0, description="Shift of the motion against the audio; positive is later."
+    )
+    preroll_s: Annotated[Number, Field(ge=0, le=60)] = Field(
+        0.0, description="How long before the audio the animation starts."
+    )
+    export: list[str] = Field(
+        [], description='Curve files to write as well: "livelink-csv", "csv", "json", "npz".'
     )
 
 
@@ -222,7 +243,7 @@ class AlignmentDocument(Document):
     duration_s: Seconds
     words: list[WordEntry]
     phones: list[PhoneEntry]
-    events: list[EventEntry] = []
+    events: list[EventEntry] = Field([])
 
 
 class CurvesDocument(Document):
@@ -285,7 +306,7 @@ class BigramsDocument(Document):
         description="Pose → controls and their weights at weight 1. A pose that is not here drives "
         "the control of its own name.",
     )
-    conflicts: list[ConflictEntry] = []
+    conflicts: list[ConflictEntry] = Field(default_factory=list)
     priority: list[str] = Field(
         default_factory=list, description="Poses, the one that gives way most easily first."
     )
@@ -387,6 +408,7 @@ KINDS: dict[str, type[BaseModel]] = {
     "alignment": AlignmentDocument,
     "bigrams": BigramsDocument,
     "curves": CurvesDocument,
+    "edits": EditsDocument,
     "job": JobDocument,
     "model": ModelDocument,
     "report": ReportDocument,
@@ -505,13 +527,33 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 def _members(document: Any, path: Sequence[int | str]) -> list[str]:
     """Names of the members that `document` allows at `path`."""
     for step in path:
-        fields = getattr(document, "model_fields", {})
+        fields = {f.alias or n: f for n, f in getattr(document, "model_fields", {}).items()}
         if step in fields:
             document = fields[step].annotation
-        else:  # a key of a mapping or a place in a list: go on with what these hold
-            document = next(reversed(get_args(document)), None)
+        else:  # a kind in a union, by its tag; else a key of a mapping or a place in a list
+            held = get_args(document)
+            tagged = (kind for kind in held if _has_tag(kind, step))
+            document = next(tagged, held[-1] if held else None)
+        document = _bare(document)
     fields = getattr(document, "model_fields", {})
     return [field.alias or name for name, field in fields.items()]
+
+
+def _bare(annotation: Any) -> Any:
+    """The type itself, without remarks on it, and without None."""
+    while True:
+        held = [kind for kind in get_args(annotation) if kind is not type(None)]
+        union = get_origin(annotation) in (Union, UnionType)
+        if get_origin(annotation) is not Annotated and not (union and len(held) == 1):
+            return annotation
+        annotation = held[0]
+
+
+def _has_tag(kind: Any, tag: int | str) -> bool:
+    if get_origin(kind) is Annotated:
+        return any(getattr(remark, "tag", None) == tag for remark in kind.__metadata__)
+    do = getattr(kind, "model_fields", {}).get("do")
+    return do is not None and tag in get_args(do.annotation)
 
 
 def schema_text(kind: str) -> str:

@@ -11,8 +11,16 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from animeme import registry
-from animeme.documents import JobDocument, ModelSection, problems_of, suggestion
+from animeme.documents import (
+    CurvesSection,
+    JobDocument,
+    ModelSection,
+    problems_of,
+    suggestion,
+)
 from animeme.errors import InputError, JobError, PluginError, Problem
+from animeme.shaping import CurveOptions
+from animeme.timing import FrameRate
 
 Layout = Literal["per-character", "per-line"]
 
@@ -59,8 +67,7 @@ class Job:
         voices: folder of learned voices, or one voice for all, or None.
         model: name of the model, used if there is no `model_file`.
         model_file: model document, or None.
-        rate_hz: sampling rate of the curves.
-        max_error: key-reduction bound in weight units.
+        curves: how they are sampled, placed and handed out.
         characters: in the job file's order.
     """
 
@@ -74,8 +81,7 @@ class Job:
     voices: Path | None
     model: str
     model_file: Path | None
-    rate_hz: float
-    max_error: float
+    curves: CurveOptions
     characters: tuple[CharacterJob, ...]
 
     @property
@@ -140,8 +146,7 @@ def _job(document: JobDocument, path: Path, output: Path | None) -> Job:
         voices=folder / document.align.voices if document.align.voices else None,
         model=document.model.name,
         model_file=model_file,
-        rate_hz=document.curves.rate_hz,
-        max_error=document.curves.max_error,
+        curves=_curves(document.curves),
         characters=characters,
     )
 
@@ -150,6 +155,18 @@ def _model_choice(section: ModelSection | None, folder: Path) -> ModelChoice | N
     if section is None:
         return None
     return ModelChoice(section.name, folder / section.file if section.file else None)
+
+
+def _curves(section: CurvesSection) -> CurveOptions:
+    return CurveOptions(
+        section.rate_hz,
+        section.max_error,
+        section.keys == "uniform",
+        None if section.frame_rate is None else FrameRate.parse(section.frame_rate),
+        section.offset_s,
+        section.preroll_s,
+        tuple(dict.fromkeys(section.export)),
+    )
 
 
 def _problems(data: Mapping[str, Any], folder: Path) -> Iterator[Problem]:
@@ -164,6 +181,7 @@ def _problems(data: Mapping[str, Any], folder: Path) -> Iterator[Problem]:
     if lexicon is not None:
         yield from _lexicon_problems(folder / lexicon)
     yield from _model_problems("model", data, folder)
+    yield from _export_problems(data)
     characters = data.get("characters")
     for name, section in characters.items() if isinstance(characters, dict) else ():
         if not name.isprintable() or not name.strip(".") or set(name) & set('/\\:*?"<>|'):
@@ -198,6 +216,16 @@ def _model_problems(path: str, table: Mapping[str, Any], folder: Path) -> Iterat
         yield Problem(f"{path}.file", f"{error.place}: {error.problem}", error.action)
     except PluginError as error:
         yield Problem(f"{path}.file", f"{file}: {error}")
+
+
+def _export_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
+    curves = data.get("curves")
+    export = curves.get("export") if isinstance(curves, dict) else None
+    known = registry.stage("curve-files")()
+    for index, kind in enumerate(export if isinstance(export, list) else ()):
+        if isinstance(kind, str) and kind not in known:
+            path = f"curves.export.{index}"
+            yield Problem(path, f"there is no kind of curve file '{kind}'", suggestion(kind, known))
 
 
 def _lexicon_problems(file: Path) -> Iterator[Problem]:

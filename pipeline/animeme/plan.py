@@ -72,10 +72,41 @@ class Plan:
                     file = (line.language, self._file(target, line))
                     files[file].append((number, line.id, length_s))
             items += [
-                AssetItem(index, language, tuple(lines), output, spool)
+                AssetItem(
+                    index, language, tuple(lines), output, spool, self._exports(target, lines)
+                )
                 for (language, output), lines in sorted(files.items())
             ]
         return items
+
+    def _exports(
+        self, target: Target, lines: list[tuple[int, str, float]]
+    ) -> tuple[tuple[int, str, Path], ...]:
+        """(place in `lines`, kind, file) of each curve file that goes with an asset's file."""
+        return tuple(
+            (place, kind, path)
+            for place, (number, _, _) in enumerate(lines)
+            for kind, path in self._curve_files(target, self.lines[number])
+        )
+
+    def _curve_files(self, target: Target, line: Line) -> Iterator[tuple[str, Path]]:
+        """Kind and path of a line's curve files; the first asset of a character has them."""
+        kinds = self.job.curves.export
+        if not kinds or target is not self._first_of[target.character]:
+            return
+        suffixes = registry.stage("curve-files")()
+        folder = self.job.output / "curves" / target.character / line.language
+        yield from ((kind, folder / f"{line.id}{suffixes[kind]}") for kind in kinds)
+
+    @cached_property
+    def _first_of(self) -> Mapping[str, Target]:
+        return {target.character: target for target in reversed(self.targets)}
+
+    def curve_files(self) -> Iterator[Path]:
+        """Every curve file that the run may write; none twice, if no two lines clash."""
+        for target in self.targets:
+            for line in self._lines_of(target):
+                yield from (path for _, path in self._curve_files(target, line))
 
     def assembly_items(self, written: Collection[Path], spool: Path) -> list[AssemblyItem]:
         """One item per file that joins the languages of an asset, of those that were written."""
@@ -110,10 +141,11 @@ class Plan:
             yield from (folder / name for folder in sorted(folders) for name in beside)
 
     def possible_files(self) -> Iterator[Path]:
-        """Every asset, alignment and speech that the run may write, and not what comes along."""
+        """Every asset, alignment, speech and curve file of the run, and not what comes along."""
         for line in self.lines:
             yield alignment_path(self.job.output, line)
             yield speech_path(self.job.output, line)
+        yield from self.curve_files()
         for target in self.targets:
             yield from dict.fromkeys(self._file(target, line) for line in self._lines_of(target))
             path = self.assembly_path(target)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import filecmp
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from animeme.errors import InputError, JobError, Problem
 from animeme.findings import Finding, Severity
 from animeme.job import Job
 from animeme.plan import Plan
+from animeme.side_cars import with_side_cars
 from animeme.tasks import Target
 
 
@@ -33,18 +35,19 @@ def load_plugins(job: Job) -> None:
             plugin.load()
 
 
-def dialogue_of(job: Job) -> tuple[Line, ...]:
-    """The job's lines.
+def dialogue_of(job: Job) -> tuple[tuple[Line, ...], tuple[Finding, ...]]:
+    """The job's lines, and findings about files beside them that belong to none.
 
     Raises:
         JobError: there are none.
     """
-    lines = find_lines(job.dialogue_root, [character.name for character in job.characters])
+    characters = [character.name for character in job.characters]
+    lines = find_lines(job.dialogue_root, characters)
     if not lines:
         message = f"no recording below '{job.dialogue_root}'"
         action = "It holds <language>/<line>.wav with a .txt beside each."
         raise JobError(str(job.source), [Problem("dialogue.root", message, action)])
-    return lines
+    return with_side_cars(job.dialogue_root, lines, characters)
 
 
 def load_targets(job: Job) -> tuple[list[Target], list[Finding]]:
@@ -136,6 +139,22 @@ def require_free_outputs(plan: Plan) -> None:
         )
 
 
+def require_distinct_curve_files(plan: Plan) -> None:
+    """Make sure that no two lines' curves go to one file.
+
+    Raises:
+        JobError: names each file that would be written twice.
+    """
+    counts = Counter(plan.curve_files())
+    twice = sorted(path for path, count in counts.items() if count > 1)
+    if twice:
+        action = "Rename one of the lines, or export fewer kinds."
+        problems = [
+            Problem("curves.export", f"two lines would write '{path}'", action) for path in twice
+        ]
+        raise JobError(str(plan.job.source), problems)
+
+
 def _inputs(plan: Plan) -> Iterator[Path]:
     job = plan.job
     yield job.source
@@ -146,6 +165,7 @@ def _inputs(plan: Plan) -> Iterator[Path]:
     for line in plan.lines:
         yield from (line.audio, line.transcript)
         yield from () if line.timings is None else (line.timings,)
+        yield from (car.path for car in line.side_cars)
 
 
 def stale_outputs(plan: Plan, written: Iterable[Path]) -> Iterator[Finding]:

@@ -26,6 +26,7 @@ from animeme.preflight import (
     load_targets,
     missing_voices,
     require_distinct_companions,
+    require_distinct_curve_files,
     require_free_outputs,
     stale_outputs,
 )
@@ -82,10 +83,12 @@ def run_job(
     """
     wall, cpu = time.perf_counter(), cpu_s(executor)
     load_plugins(job)
-    lines = dialogue_of(job)
+    lines, strays = dialogue_of(job)
     targets, findings = load_targets(job)
+    findings += strays
     plan = Plan(job, lines, tuple(targets))
     require_distinct_companions(plan)
+    require_distinct_curve_files(plan)
     require_free_outputs(plan)
     digests = {target.asset.source: sha256(target.asset.source) for target in targets}
     findings += missing_voices(job)
@@ -122,8 +125,7 @@ def _save_context(plan: Plan, spool: Path) -> None:
         job.voices,
         job.model,
         job.model_file,
-        job.rate_hz,
-        job.max_error,
+        job.curves,
         job.output,
         job.speak,
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import pickle
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -26,14 +26,15 @@ from animeme.contracts import (
     Speech,
     Spoken,
 )
-from animeme.curves import CurveSet, reduce_keys
+from animeme.curves import CurveSet, drop_still
 from animeme.dialogue import Line, voice_of
 from animeme.errors import InputError
 from animeme.files import unwritable, write_text
 from animeme.findings import Finding, Severity
 from animeme.job import ModelChoice
-from animeme.phones import Event, PhoneTrack
+from animeme.phones import Event
 from animeme.rig import BoundRig, Character
+from animeme.shaping import CurveOptions, LineMotion
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class RunContext:
         voices: folder of learned voices, or None.
         model: name of the model, or None if there is a file.
         model_file: model document.
-        rate_hz, max_error: of the curves.
+        curves: how they are sampled, placed and handed out.
         output: the run's output folder.
         speak: speak transcripts that have no recording.
     """
@@ -75,8 +76,7 @@ class RunContext:
     voices: Path | None
     model: str | None
     model_file: Path | None
-    rate_hz: float
-    max_error: float
+    curves: CurveOptions
     output: Path
     speak: bool
 
@@ -161,6 +161,7 @@ class AssetItem:
         lines: (number of the line, animation name, length in seconds).
         output: file to write.
         spool: the run's spool folder.
+        exports: (place in `lines`, kind, file) of each curve file to write as well.
     """
 
     target: int
@@ -168,6 +169,7 @@ class AssetItem:
     lines: tuple[tuple[int, str, float], ...]
     output: Path
     spool: Path
+    exports: tuple[tuple[int, str, Path], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -366,28 +368,28 @@ def _model(spool: Path, own: ModelChoice | None) -> Model:
 
 
 def _animate(item: LineItem, context: RunContext, alignment: Alignment) -> Iterator[Finding]:
+    def model(own: Hashable) -> Model:
+        assert own is None or isinstance(own, ModelChoice)
+        return _model(item.spool, own)
+
     targets = [context.targets[index] for index in item.targets]
-    spoken = {
-        own: _model(item.spool, own).synthesize(alignment.track, rate_hz=context.rate_hz)
-        for own in dict.fromkeys(target.model for target in targets)
-    }
-    yield from _remarks(item, targets, alignment.track)
+    motion = LineMotion(item.line, alignment.track, context.curves, model)
+    yield from motion.strangers([target.character for target in targets])
     for index, target in zip(item.targets, targets, strict=True):
-        controls = spoken[target.model]
-        rest = target.asset.rest_weights()
-        full: CurveSet = registry.stage("retarget")(controls, target.rig, rest)
-        shapes = reduce_keys(full, context.max_error)
-        subject = LineSubject(alignment.track, controls, target.rig, shapes)
-        for check in registry.checks("line"):
-            for finding in check.run(subject):
-                yield replace(finding, character=target.character)
-        _save_curves(_spooled(item.spool, item.number, index), shapes, alignment.track.events)
-
-
-def _remarks(item: LineItem, targets: Sequence[Target], track: PhoneTrack) -> Iterator[Finding]:
-    """What models say of the line; of a character's own model, as a finding of that character."""
+        try:
+            made = motion.of(target.character, target.asset, target.rig, target.model)
+        except InputError as error:
+            yield Finding.from_error(error, character=target.character)
+            continue
+        subject = LineSubject(motion.track, made.controls, target.rig, made.heard)
+        checked = (found for check in registry.checks("line") for found in check.run(subject))
+        for finding in (*made.findings, *checked):
+            yield replace(finding, character=target.character)
+        path = _spooled(item.spool, item.number, index)
+        _save_curves(path, made.shapes, motion.track.events)
+    # What a character's own model says is a finding of that character.
     for own, character in dict.fromkeys((t.model, t.character if t.model else "") for t in targets):
-        for finding in _model(item.spool, own).remarks(track):
+        for finding in motion.remarks(own):
             yield replace(finding, character=character)
 
 
@@ -417,6 +419,45 @@ def _load_curves(path: Path) -> tuple[CurveSet, tuple[Event, ...]]:
         return curves, tuple(Event(tag, time_s) for tag, time_s in tags)
 
 
+def _animations(item: AssetItem, target: Target, context: RunContext) -> tuple[LineAnimation, ...]:
+    """What goes into one file."""
+    loaded = [_load_curves(_spooled(item.spool, n, item.target)) for n, _, _ in item.lines]
+    curves = [shapes for shapes, _ in loaded]
+    if not target.asset.animations:  # else theirs would show where ours has no curve
+        meshes = [[target.asset.canonical[s] for s in mesh.shapes] for mesh in target.asset.meshes]
+        curves = drop_still(curves, target.asset.rest_weights(), meshes)
+    lead_s = context.curves.preroll_s
+    return tuple(
+        LineAnimation(name, item.language, shapes, length_s, events, lead_s)
+        for (_, name, length_s), shapes, (_, events) in zip(item.lines, curves, loaded, strict=True)
+    )
+
+
+def _exported(
+    item: AssetItem,
+    lines: Sequence[LineAnimation],
+    rig: BoundRig,
+    context: RunContext,
+    findings: list[Finding],
+) -> Iterator[Path]:
+    """Write the curve files; one that cannot be written is a finding of its line."""
+    for place, kind, path in item.exports:
+        line = lines[place]
+        try:
+            noted = registry.stage("write-curves")(
+                line.curves, path, kind, rig=rig, frame_rate=context.curves.frame_rate
+            )
+        except InputError as error:
+            # The line itself is in its asset: what a format has no place for is for review.
+            lost = error.code == "output-unwritable"
+            found = Finding.from_error(error, line=line.name)
+            severity = Severity.ERROR if lost else Severity.WARNING
+            findings.append(replace(found, severity=severity))
+            continue
+        findings += [replace(finding, line=line.name) for finding in noted]
+        yield path
+
+
 class _RejectedError(Exception):
     """A written file did not pass its checks."""
 
@@ -426,11 +467,7 @@ def write_asset(item: AssetItem) -> AssetOutcome:
     context = _context(item.spool)
     target = context.targets[item.target]
     form = registry.format_named(target.asset.format)
-    lines = tuple(
-        LineAnimation(name, item.language, curves, length_s, events)
-        for number, name, length_s in item.lines
-        for curves, events in [_load_curves(_spooled(item.spool, number, item.target))]
-    )
+    lines = _animations(item, target, context)
     findings: list[Finding] = []
 
     def verify(path: Path) -> None:
@@ -440,8 +477,12 @@ def write_asset(item: AssetItem) -> AssetOutcome:
         if any(finding.severity == Severity.ERROR for finding in findings):
             raise _RejectedError
 
+    def write() -> tuple[Path, ...]:
+        outputs = form.write(target.asset, lines, item.output, verify=verify)
+        return (*outputs, *_exported(item, lines, target.rig, context, findings))
+
     return _written(
-        lambda: form.write(target.asset, lines, item.output, verify=verify),
+        write,
         findings,
         target.character,
         item.output,

@@ -35,7 +35,7 @@ def lines_of(path: Path, language: str | None = None) -> Iterable[Line]:
             action="It holds <language>/<line>.txt, each beside its recording.",
         )
     if path.suffix.lower() == ".toml":
-        lines = dialogue_of(read_job(path))
+        lines = dialogue_of(read_job(path))[0]
         return [line for line in lines if language in (None, line.language)]
     raise InputError(
         "dialogue-missing",

@@ -40,7 +40,8 @@ def command(
     """Run JOB: align its dialogue, animate its characters, write and check the assets.
 
     The output folder gets <language>/<character>.glb (and .usdc), <character>.usda with a variant
-    per language, alignments/, speech/ with what was spoken, report.json, summary.md and run.jsonl.
+    per language, alignments/, curves/ if the job exports them, speech/ with what was spoken,
+    report.json, summary.md and run.jsonl.
     """
     folder = output or read_job(job).output
     with progress("lines", "assets") as listener:

@@ -13,6 +13,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -21,16 +22,20 @@ from animeme.curves import Floats
 from animeme.errors import InputError
 from animeme.files import unreadable
 from animeme.findings import Finding, Severity
+from animeme.timing import RATES, FrameRate
 
 LARGEST_BYTES = 256 * 2**20
 _SECONDS = ("time_s", "time", "seconds", "t")
 _FRAMES = ("frame", "frames")
-_TIMECODE = re.compile(r"(\d+):(\d{2}):(\d{2})[:;](\d+(?:\.\d+)?)")
-# Live Link Face writes 60 frames per second whatever the take's own rate.
-_LIVE_LINK_HZ = 60.0
+# Live Link Face writes 60 frames per second whatever the take's own rate; others write as many as
+# there are in the last second that they count to its end.
+_LIVE_LINK = RATES["60"]
+_COUNTED = {rate.nominal: rate for rate in map(RATES.get, ("24", "25", "30", "48", "50")) if rate}
+_TIMECODE = re.compile(r"(\d+:\d{2}:\d{2})([:;])(\d+)(?:\.\d+)?")
 _DAY_S = 24 * 3600.0
 # Live Link Face also has the eyes, brows and head; they do not follow the phones.
 _SPOKEN = ("jaw", "mouth", "tongue", "cheek", "nose")
+_FACE = (*_SPOKEN, "brow", "eye")
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +55,20 @@ class Motion:
     findings: tuple[Finding, ...] = ()
 
 
-def read_motion(path: Path, *, rate_hz: float | None = None) -> Motion:
+def read_motion(
+    path: Path,
+    *,
+    rate_hz: float | None = None,
+    frame_rate: FrameRate | None = None,
+    all_shapes: bool = False,
+) -> Motion:
     """Read captured curves.
 
     Args:
         path: a CSV file with a header; commas, semicolons or tabs between cells.
         rate_hz: frames per second, for files that count frames.
+        frame_rate: the same, exactly, and the rate of time codes; None to tell these by themselves.
+        all_shapes: of Live Link Face, eyes and brows too.
 
     Raises:
         InputError: it has no time column, its times go back, a cell is no number, or it has less
@@ -65,18 +78,22 @@ def read_motion(path: Path, *, rate_hz: float | None = None) -> Motion:
     header = [cell.strip() for cell in rows[0]]
     lower = [name.lower() for name in header]
     live_link = "timecode" in lower
+    if frame_rate is not None:
+        rate_hz = float(frame_rate.per_s)
     column, unit = _time_column(path, lower, rate_hz)
-    chosen = [i for i, name in enumerate(header) if i != column and _is_control(name, live_link)]
+    parts = (_FACE if all_shapes else _SPOKEN) if live_link else ()
+    chosen = [i for i, name in enumerate(header) if i != column and _is_control(name, parts)]
     controls = tuple(_arkit(header[i]) if live_link else header[i] for i in chosen)
     _require_names(path, controls)
     numbers = list(enumerate(rows[1:], start=2))
     decimal_comma = any("," in cell for _, row in numbers[:50] for cell in row)
+    clock = _clock(numbers, column, frame_rate) if live_link else None
     times, values, nans = [], [], 0
     for number, row in numbers:
         if len(row) != len(header):
             raise _broken(path, number, f"has {len(row)} cells, the header has {len(header)}")
         cells = [cell.strip().replace(",", ".") if decimal_comma else cell.strip() for cell in row]
-        times.append(_time(path, number, cells[column], unit))
+        times.append(_time(path, number, cells[column], clock or unit))
         found = [_value(path, number, header[i], cells[i]) for i in chosen]
         nans += sum(cells[i].lower() == "nan" for i in chosen)
         values.append(found)
@@ -155,10 +172,12 @@ def _time_column(path: Path, lower: list[str], rate_hz: float | None) -> tuple[i
     )
 
 
-def _is_control(name: str, live_link: bool) -> bool:
-    if not live_link:
+def _is_control(name: str, parts: tuple[str, ...]) -> bool:
+    """Whether a column is no time; of Live Link Face, whether it is a shape of these `parts`."""
+    if not parts:
         return name.lower() not in (*_SECONDS, *_FRAMES)
-    return name.lower().startswith(_SPOKEN)
+    # LeftEyeYaw is an angle, and begins with none of them.
+    return name.lower().startswith(parts)
 
 
 def _arkit(name: str) -> str:
@@ -188,14 +207,27 @@ def _broken(path: Path, row: int, problem: str) -> InputError:
     )  # fmt: skip
 
 
-def _time(path: Path, row: int, cell: str, unit: str | float) -> float:
-    if unit == "timecode":
-        match = _TIMECODE.fullmatch(cell)
-        if not match:
-            raise _broken(path, row, f"has the timecode {cell!r}, not HH:MM:SS:FF")
-        hours, minutes, seconds, frames = match.groups()
-        whole_s = int(hours) * 3600.0 + int(minutes) * 60.0 + int(seconds)
-        return whole_s + float(frames) / _LIVE_LINK_HZ
+def _clock(
+    rows: Sequence[tuple[int, list[str]]], column: int, frame_rate: FrameRate | None
+) -> FrameRate:
+    """The rate that a take's time codes count in."""
+    if frame_rate is not None:
+        return frame_rate
+    found = [_TIMECODE.fullmatch(row[column].strip()) for _, row in rows if column < len(row)]
+    labels = [(match[1], match[2], int(match[3])) for match in found if match]
+    if any(mark == ";" for _, mark, _ in labels):
+        return RATES["59.94df" if any(frame >= 30 for *_, frame in labels) else "29.97df"]
+    ends = {a for (s, _, a), (t, _, b) in pairwise(labels) if s != t and b == 0}
+    counted = _COUNTED.get(ends.pop() + 1) if len(ends) == 1 else None
+    return counted or _LIVE_LINK
+
+
+def _time(path: Path, row: int, cell: str, unit: str | float | FrameRate) -> float:
+    if isinstance(unit, FrameRate):
+        try:
+            return float(unit.frame_of(cell) / unit.per_s)
+        except ValueError as error:
+            raise _broken(path, row, f"has the timecode {cell!r}: {error}") from None
     try:
         time_s = float(cell) * float(unit)
     except ValueError:

@@ -195,6 +195,8 @@ def _animation(line: LineAnimation, character: Character, appended: _Appended) -
         target = {"node": node, "path": "weights"}
         channels.append({"sampler": samplers[key], "target": target})
     note = {"line": line.name, "language": line.language, "duration_s": line.duration_s}
+    if line.audio_start_s:
+        note["audio_start_s"] = line.audio_start_s
     if line.events:
         note["events"] = [{"tag": e.tag, "time_s": e.time_s} for e in line.events]
     return {"name": line.name, "channels": channels, "samplers": made, "extras": marked(note)}

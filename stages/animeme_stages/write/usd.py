@@ -65,7 +65,7 @@ class UsdFormat:
             if strange := set(line.curves.names) - set(character.shapes):
                 raise ValueError(f"{line.name}: no such shapes: {', '.join(sorted(strange))}")
         stage, hosts = _planned(character)
-        end_s = max(line.duration_s for line in lines)
+        end_s = max(line.end_s for line in lines)
         layer = usd_layer.override_layer(character.source, stage, target, end_s=end_s)
         with Sdf.ChangeBlock():
             for host in hosts:

@@ -166,6 +166,8 @@ def _add_line(
         "language": line.language,
         "duration_s": float(line.duration_s),
     }
+    if line.audio_start_s:
+        note["audio_start_s"] = float(line.audio_start_s)
     if line.events:
         note["eventTags"] = Vt.StringArray([event.tag for event in line.events])
         note["eventTimes_s"] = Vt.DoubleArray([event.time_s for event in line.events])

@@ -1,0 +1,1 @@
+"""Curve files: Live Link Face CSV, plain CSV, JSON and NPZ, out and in."""
