@@ -22,7 +22,7 @@ from support.usd_kit import (
 
 REFUSED = {
     "mayausd_HIK_Export.usda": "asset-no-blendshapes",
-    "openusd_populate.usda": "asset-instanced",
+    "openusd_populate.usda": "asset-no-blendshapes",
     "tinyusdz_inbetween-blendshape-001.usda": "asset-no-blendshapes",
     "usdwg_CesiumMan.usdz": "asset-no-blendshapes",
 }

@@ -14,9 +14,8 @@ from animeme.contracts import LineAnimation, Verify
 from animeme.files import atomic_path
 from animeme.rig import Character
 from animeme_stages.ingest.usd import CUSTOM_DATA, POINTER
+from animeme_stages.ingest.usd_variants import LANGUAGE_SET, LINE_SET
 from animeme_stages.write.usd_plan import (
-    LANGUAGE_SET,
-    LINE_SET,
     Host,
     Rig,
     distinct_identifiers,
@@ -128,13 +127,13 @@ def variant_set(layer: Sdf.Layer, host: Host, name: str, selected: str) -> Sdf.V
 
 
 def bind_pointers(layer: Sdf.Layer, stage: Usd.Stage, host: Host) -> None:
-    """Let each skeleton play what its pointer points at.
+    """Let each skeleton (or instance) play what its pointer points at.
 
     The binding is local because a variant's would be weaker than the one in the sublayer.
     """
     for rig in host.rigs:
-        prim = Sdf.CreatePrimInLayer(layer, rig.skeleton)
-        if BINDING_API not in stage.GetPrimAtPath(rig.skeleton).GetAppliedSchemas():
+        prim = Sdf.CreatePrimInLayer(layer, rig.bound)
+        if BINDING_API not in stage.GetPrimAtPath(rig.bound).GetAppliedSchemas():
             prim.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=[BINDING_API]))
         relation = Sdf.RelationshipSpec(prim, ANIMATION_SOURCE, custom=False)
         relation.targetPathList.explicitItems = [rig.pointer]
