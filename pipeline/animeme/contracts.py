@@ -201,6 +201,7 @@ class LineAnimation:
         curves: over the character's canonical shape names (see `Character.canonical`).
         duration_s: length of the recording; the animation ends there.
         events: the transcript's inline tags, which the asset carries beside the animation.
+        audio: the recording, or what was spoken for want of one; None if there is none to refer to.
     """
 
     name: str
@@ -208,6 +209,7 @@ class LineAnimation:
     curves: CurveSet
     duration_s: float
     events: tuple[Event, ...] = ()
+    audio: Path | None = None
 
 
 Verify = Callable[[Path], None]

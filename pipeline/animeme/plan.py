@@ -65,12 +65,13 @@ class Plan:
         """
         items: list[AssetItem] = []
         for index, target in enumerate(self.targets):
-            files: dict[tuple[str, Path], list[tuple[int, str, float]]] = defaultdict(list)
+            files: dict[tuple[str, Path], list[tuple[int, str, float, Path]]] = defaultdict(list)
             for number, length_s in sorted(good(target.character).items()):
                 line = self.lines[number]
                 if target.character in self.characters_of(line):
                     file = (line.language, self._file(target, line))
-                    files[file].append((number, line.id, length_s))
+                    audio = self._heard(line)
+                    files[file].append((number, line.id, length_s, audio))
             items += [
                 AssetItem(index, language, tuple(lines), output, spool)
                 for (language, output), lines in sorted(files.items())
@@ -121,6 +122,10 @@ class Plan:
 
     def _lines_of(self, target: Target) -> Iterator[Line]:
         return (line for line in self.lines if target.character in self.characters_of(line))
+
+    def _heard(self, line: Line) -> Path:
+        """The line's recording, or what the run spoke in its place."""
+        return line.audio if line.audio.exists() else speech_path(self.job.output, line)
 
     def _file(self, target: Target, line: Line) -> Path:
         """The file of `target` that holds `line`."""

@@ -136,14 +136,14 @@ class AssetItem:
     Attributes:
         target: index into the context's targets.
         language: folder name and tag.
-        lines: (number of the line, animation name, length in seconds).
+        lines: (number of the line, animation name, length in seconds, recording).
         output: file to write.
         spool: the run's spool folder.
     """
 
     target: int
     language: str
-    lines: tuple[tuple[int, str, float], ...]
+    lines: tuple[tuple[int, str, float, Path], ...]
     output: Path
     spool: Path
 
@@ -387,8 +387,8 @@ def write_asset(item: AssetItem) -> AssetOutcome:
     target = context.targets[item.target]
     form = registry.format_named(target.asset.format)
     lines = tuple(
-        LineAnimation(name, item.language, curves, length_s, events)
-        for number, name, length_s in item.lines
+        LineAnimation(name, item.language, curves, length_s, events, audio)
+        for number, name, length_s, audio in item.lines
         for curves, events in [_load_curves(_spooled(item.spool, number, item.target))]
     )
     findings: list[Finding] = []

@@ -19,6 +19,7 @@ from animeme_stages.ingest.usd_variants import driven_meshes, speaking_variant
 
 SCOPE = "Dialogue"  # holds the lines, below the character's prim
 POINTER = "active"  # the animation that the skeleton is bound to; reserved, never a line
+SOUND = "sound"  # the recording of the line that a variant chooses; reserved too
 CUSTOM_DATA = "animeme"  # key of the customData dictionary on prims that we author
 
 

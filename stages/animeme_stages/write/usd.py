@@ -22,7 +22,8 @@ class UsdFormat:
 
     A written layer sublayers the source by relative path. Below the character's prim it defines
     ``Dialogue``, one SkelAnimation per line (and per skeleton, where there are several), built
-    upon the animation that the skeleton came with; the variant set ``dialogueLine`` chooses one.
+    upon the animation that the skeleton came with; the variant set ``dialogueLine`` chooses one, and
+    with it a SpatialAudio that plays its recording, by relative path.
     """
 
     name: ClassVar[str] = "usd"
@@ -68,8 +69,10 @@ class UsdFormat:
         end_s = max(line.duration_s for line in lines)
         layer = usd_layer.override_layer(character.source, stage, target, end_s=end_s)
         with Sdf.ChangeBlock():
-            for host in hosts:
-                usd_layer.add_lines(layer, host, character, lines)
+            for number, host in enumerate(hosts):
+                # Once, however many prims the character is made of.
+                heard = number == 0
+                usd_layer.add_lines(layer, host, character, lines, target, heard=heard)
                 usd_layer.bind_pointers(layer, stage, host)
         usd_layer.export(layer, target, verify)
         return (target,)

@@ -13,7 +13,7 @@ from pxr import Sdf, Tf, Usd, Vt
 from animeme.contracts import LineAnimation, Verify
 from animeme.files import atomic_path
 from animeme.rig import Character
-from animeme_stages.ingest.usd import CUSTOM_DATA, POINTER
+from animeme_stages.ingest.usd import CUSTOM_DATA, POINTER, SOUND
 from animeme_stages.ingest.usd_variants import LANGUAGE_SET, LINE_SET
 from animeme_stages.write.usd_plan import (
     Host,
@@ -85,22 +85,40 @@ def relative_asset(path: Path, target: Path) -> str:
 
 
 def add_lines(
-    layer: Sdf.Layer, host: Host, character: Character, lines: Sequence[LineAnimation]
+    layer: Sdf.Layer,
+    host: Host,
+    character: Character,
+    lines: Sequence[LineAnimation],
+    target: Path,
+    *,
+    heard: bool,
 ) -> None:
-    """Author one animation per line and skeleton, and the variants that choose between them."""
+    """Author one animation per line and skeleton, and the variants that choose between them.
+
+    Args:
+        layer: to author in.
+        host: the prim that carries them.
+        character: whose lines they are.
+        lines: the lines.
+        target: where the layer will be written.
+        heard: let the variants play the recordings too.
+    """
     ordered = sorted(lines, key=lambda line: line.name)
-    names = distinct_identifiers([line.name for line in ordered], taken=[POINTER])
+    names = distinct_identifiers([line.name for line in ordered], taken=[POINTER, SOUND])
     _folder(layer, host.scope)
     for rig in host.rigs:
         _folder(layer, rig.folder)
         for line, name in zip(ordered, names, strict=True):
             _add_line(layer, rig, rig.folder.AppendChild(name), character, line)
     variants = variant_set(layer, host, LINE_SET, names[0])
-    for name in names:
+    for line, name in zip(ordered, names, strict=True):
         inside = Sdf.VariantSpec(variants, name).primSpec.path
         for rig in host.rigs:
             path = rig.pointer.ReplacePrefix(host.path, inside)
             _animation(layer, path, rig.folder.AppendChild(name))
+        if heard and line.audio is not None:
+            path = host.scope.AppendChild(SOUND).ReplacePrefix(host.path, inside)
+            _add_sound(layer, path, relative_asset(line.audio, target))
 
 
 def add_languages(
@@ -176,6 +194,25 @@ def _add_line(
     values = Sdf.AttributeSpec(prim, "blendShapeWeights", types.FloatArray)
     for code, row in zip(codes.tolist(), weights, strict=True):
         layer.SetTimeSample(values.path, code, Vt.FloatArray.FromNumpy(row))
+
+
+def _add_sound(layer: Sdf.Layer, path: Sdf.Path, asset: str) -> None:
+    """A recording that starts with its line and is heard alike from everywhere.
+
+    It has no place in space because the mouth moves with the head: who wants it to come from there
+    puts it there.
+    """
+    prim = Sdf.CreatePrimInLayer(layer, path)
+    prim.specifier = Sdf.SpecifierDef
+    prim.typeName = "SpatialAudio"
+    types, uniform = Sdf.ValueTypeNames, Sdf.VariabilityUniform
+    for name, kind, value in (
+        ("filePath", types.Asset, Sdf.AssetPath(asset)),
+        ("auralMode", types.Token, "nonSpatial"),
+        ("playbackMode", types.Token, "onceFromStart"),
+        ("startTime", types.TimeCode, Sdf.TimeCode(0.0)),
+    ):
+        Sdf.AttributeSpec(prim, name, kind, uniform).default = value
 
 
 def export(layer: Sdf.Layer, target: Path, verify: Verify) -> None:

@@ -15,6 +15,7 @@ from animeme.rig import Character
 from animeme_stages.ingest.usd import (
     POINTER,
     SCOPE,
+    SOUND,
     bound_animation,
     is_ours,
     shape_names,
@@ -100,7 +101,7 @@ def plan(character: Character, stage: Usd.Stage) -> tuple[Host, ...]:
 def _host(stage: Usd.Stage, path: Sdf.Path, by_bound: dict[Sdf.Path, list[SpeakingMesh]]) -> Host:
     scope = path.AppendChild(_free_scope(stage, path))
     _require_free_sets(stage, path, scope)
-    names = distinct_identifiers([bound.name for bound in by_bound])
+    names = distinct_identifiers([bound.name for bound in by_bound], taken=[SOUND])
     rigs = []
     for (bound, meshes), name in zip(by_bound.items(), names, strict=True):
         animation = bound_animation(stage, bound)
