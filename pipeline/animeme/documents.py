@@ -93,6 +93,9 @@ class CharacterSection(Document):
     layout: Literal["per-character", "per-line"] = Field(
         "per-character", description="One file per language with all lines, or a file per line."
     )
+    usdz: bool = Field(
+        False, strict=True, description="Also pack a USD asset's languages into one .usdz file."
+    )
 
 
 class JobDocument(Document):

@@ -26,12 +26,14 @@ class CharacterJob:
         assets: its files, one per format.
         rig: "auto", a shipped profile's name, or a file relative to the job.
         layout: one file per language, or one per line.
+        usdz: pack all languages of a USD asset into one file.
     """
 
     name: str
     assets: tuple[Path, ...]
     rig: str
     layout: Layout
+    usdz: bool = False
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,13 @@ def _parse(path: Path) -> dict[str, Any]:
 def _job(document: JobDocument, path: Path, output: Path | None) -> Job:
     folder = path.parent
     characters = tuple(
-        CharacterJob(name, tuple(folder / a for a in section.asset), section.rig, section.layout)
+        CharacterJob(
+            name,
+            tuple(folder / asset for asset in section.asset),
+            section.rig,
+            section.layout,
+            section.usdz,
+        )
         for name, section in document.characters.items()
     )
     model_file = folder / document.model.file if document.model.file else None
@@ -183,6 +191,7 @@ def _character_problems(path: str, section: Mapping[str, Any], folder: Path) -> 
     assets = section.get("asset")
     assets = [assets] if isinstance(assets, str) else assets
     suffixes: dict[str, str] = {}
+    joins = False
     for asset in assets if isinstance(assets, list) else ():
         if not isinstance(asset, str):
             continue
@@ -200,6 +209,13 @@ def _character_problems(path: str, section: Mapping[str, Any], folder: Path) -> 
             clash = f"'{suffixes[suffix]}' and '{asset}' would be written to one file"
             yield Problem(f"{path}.asset", clash, "Make them two characters.")
         suffixes[suffix] = asset
+        joins |= bool(registry.format_of(file).assembly_suffix)
+    if section.get("usdz") is True and section.get("layout") == "per-line":
+        action = "Leave 'layout' out, or 'usdz'."
+        yield Problem(f"{path}.usdz", "a file per line cannot be packed into one", action)
+    elif section.get("usdz") is True and suffixes and not joins:
+        action = "Add the character's USD file to 'asset', or leave 'usdz' out."
+        yield Problem(f"{path}.usdz", "no asset of the character is USD", action)
     rig = section.get("rig")
     if isinstance(rig, str):
         yield from _rig_problems(f"{path}.rig", rig, folder)

@@ -85,7 +85,7 @@ class Plan:
             path = self.assembly_path(target)
             files = tuple(entry for entry in self.language_files(target) if entry[1] in written)
             if path is not None and files:
-                items.append(AssemblyItem(index, files, path, spool))
+                items.append(AssemblyItem(index, files, path, spool, self.package_path(target)))
         return items
 
     def language_files(self, target: Target) -> list[tuple[str, Path]]:
@@ -100,6 +100,12 @@ class Plan:
         if not suffix or self._layouts[target.character] != "per-character":
             return None
         return self.job.output / f"{target.character}{suffix}"
+
+    def package_path(self, target: Target) -> Path | None:
+        """Where the joined file is packed with all it needs; None if that is not asked for."""
+        path = self.assembly_path(target)
+        packed = {character.name for character in self.job.characters if character.usdz}
+        return path.with_suffix(".usdz") if path and target.character in packed else None
 
     def possible_outputs(self) -> Iterator[Path]:
         """Every asset, alignment and report that the run may write."""
@@ -117,8 +123,8 @@ class Plan:
             yield speech_path(self.job.output, line)
         for target in self.targets:
             yield from dict.fromkeys(self._file(target, line) for line in self._lines_of(target))
-            path = self.assembly_path(target)
-            yield from () if path is None else (path,)
+            joined = (self.assembly_path(target), self.package_path(target))
+            yield from (path for path in joined if path is not None)
 
     def _lines_of(self, target: Target) -> Iterator[Line]:
         return (line for line in self.lines if target.character in self.characters_of(line))

@@ -157,12 +157,14 @@ class AssemblyItem:
         files: (language, file) of each language that was written.
         output: file to write.
         spool: the run's spool folder.
+        package: file to pack it all into, or None.
     """
 
     target: int
     files: tuple[tuple[str, Path], ...]
     output: Path
     spool: Path
+    package: Path | None
 
 
 @dataclass(frozen=True)
@@ -423,12 +425,23 @@ def join_languages(item: AssemblyItem) -> AssetOutcome:
             raise _RejectedError
 
     files = dict(item.files)
-    return _written(
+    joined = _written(
         lambda: form.write_assembly(target.asset, files, item.output, verify=verify),
         findings,
         target.character,
         item.output,
     )
+    package = item.package
+    if package is None or not joined.outputs:
+        return joined
+    remarks: list[Finding] = []
+
+    def pack() -> tuple[Path, ...]:
+        remarks.extend(registry.stage("package-usdz")(target.asset, item.output, files, package))
+        return (package,)
+
+    packed = _written(pack, remarks, target.character, package)
+    return AssetOutcome(joined.outputs + packed.outputs, joined.findings + packed.findings)
 
 
 def _written(

@@ -24,21 +24,28 @@ CUSTOM_DATA = "animeme"  # key of the customData dictionary on prims that we aut
 
 
 @contextmanager
+def quiet() -> Iterator[None]:
+    """Keep what pxr warns of from standard error; its exceptions pass."""
+    # Python can hold back pxr's warnings only since usd-core 26; older ones print them.
+    trap: Any = getattr(Tf, "DiagnosticTrap", nullcontext)
+    with trap() as held:
+        try:
+            yield
+        finally:
+            if held is not None:
+                held.Clear()
+
+
+@contextmanager
 def usd_errors(path: Path) -> Iterator[None]:
     """Turn what pxr raises about the file at `path` into an `InputError`, and keep pxr quiet.
 
     Raises:
         InputError: ``asset-unreadable``.
     """
-    # Python can hold back pxr's warnings only since usd-core 26; older ones print them.
-    trap: Any = getattr(Tf, "DiagnosticTrap", nullcontext)
     try:
-        with trap() as held:
-            try:
-                yield
-            finally:
-                if held is not None:
-                    held.Clear()
+        with quiet():
+            yield
     except Tf.ErrorException as error:
         raise InputError(
             "asset-unreadable",

@@ -22,8 +22,8 @@ class UsdFormat:
 
     A written layer sublayers the source by relative path. Below the character's prim it defines
     ``Dialogue``, one SkelAnimation per line (and per skeleton, where there are several), built
-    upon the animation that the skeleton came with; the variant set ``dialogueLine`` chooses one, and
-    with it a SpatialAudio that plays its recording, by relative path.
+    upon the animation that the skeleton came with; the variant set ``dialogueLine`` chooses one,
+    and with it a SpatialAudio that plays its recording, by relative path.
     """
 
     name: ClassVar[str] = "usd"

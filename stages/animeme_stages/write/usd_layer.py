@@ -13,7 +13,7 @@ from pxr import Sdf, Tf, Usd, Vt
 from animeme.contracts import LineAnimation, Verify
 from animeme.files import atomic_path
 from animeme.rig import Character
-from animeme_stages.ingest.usd import CUSTOM_DATA, POINTER, SOUND
+from animeme_stages.ingest.usd import CUSTOM_DATA, POINTER, SOUND, quiet
 from animeme_stages.ingest.usd_variants import LANGUAGE_SET, LINE_SET
 from animeme_stages.write.usd_plan import (
     Host,
@@ -223,7 +223,8 @@ def export(layer: Sdf.Layer, target: Path, verify: Verify) -> None:
     """
     with atomic_path(target) as scratch:
         try:
-            layer.Export(str(scratch))
+            with quiet():  # it warns that sounds need a newer crate than our animation does
+                layer.Export(str(scratch))
         except Tf.ErrorException as error:
             raise OSError(str(error)) from error
         verify(scratch)
