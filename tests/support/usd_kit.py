@@ -242,7 +242,8 @@ def new_findings(source: Path, target: Path) -> set[tuple[str, str]]:
     def findings(path: Path) -> set[tuple[str, str]]:
         stage = Usd.Stage.Open(str(path))
         messages = {(e.GetIdentifier(), e.GetMessage()) for e in context.Validate(stage)}
-        for name in (str(source), str(target), f"{source.parent}/", f"{target.parent}/"):
+        packed = f"[source/{source.name}]"
+        for name in (str(source), str(target), packed, f"{source.parent}/", f"{target.parent}/"):
             messages = {(kind, text.replace(name, "")) for kind, text in messages}
         return messages
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdSkel
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdSkel, Vt
 
 from animeme.errors import InputError
 from animeme.rig import Character, MeshShapes
@@ -46,7 +46,7 @@ def usd_errors(path: Path) -> Iterator[None]:
     try:
         with quiet():
             yield
-    except Tf.ErrorException as error:
+    except (Tf.ErrorException, UnicodeDecodeError) as error:  # names that are no UTF-8
         raise InputError(
             "asset-unreadable",
             f"cannot be read as USD: {_reason(error)}",
@@ -57,6 +57,8 @@ def usd_errors(path: Path) -> Iterator[None]:
 
 def _reason(error: Any) -> str:
     """The first of the messages in a pxr exception, without source positions."""
+    if isinstance(error, UnicodeDecodeError):
+        return "a name in it is not UTF-8"
     messages = [getattr(argument, "commentary", str(argument)) for argument in error.args]
     return " ".join((messages or [str(error)])[0].split()).rstrip(".")
 
@@ -126,7 +128,8 @@ def _usable(prim: Usd.Prim) -> bool:
 
 def shape_names(animation: UsdSkel.Animation) -> tuple[str, ...]:
     """The animation's ``blendShapes``; empty if it has none."""
-    return tuple(str(name) for name in animation.GetBlendShapesAttr().Get() or ())
+    names = animation.GetBlendShapesAttr().Get()
+    return tuple(map(str, names)) if isinstance(names, Vt.TokenArray) else ()
 
 
 def weight_samples(
@@ -135,13 +138,18 @@ def weight_samples(
     """The animation's weights as they are stored.
 
     Returns:
-        Time codes, shape (T,), and T rows, each as long as the file has it. A value without time
-        is one row at time code 0; without any value T = 0.
+        Time codes, shape (T,), and T rows, each as long as the file has it; empty where it has
+        something else than numbers. A value without time is one row at time code 0; without any
+        value T = 0.
     """
     attribute = animation.GetBlendShapeWeightsAttr()
     codes = attribute.GetTimeSamples()
     values = [attribute.Get(code) for code in codes] or [attribute.Get()]
-    rows = [np.asarray(value, dtype=np.float32) for value in values if value is not None]
+    rows = [
+        np.asarray(value if isinstance(value, Vt.FloatArray) else (), dtype=np.float32)
+        for value in values
+        if value is not None
+    ]
     return np.array((codes or [0.0])[: len(rows)], dtype=np.float64), rows
 
 
@@ -234,13 +242,15 @@ def _nothing_to_drive(stage: Usd.Stage, path: Path) -> InputError:
             place=str(path),
             action="Select that variant in the asset, or in a layer of your own that sublayers it.",
         )
+    problem = "no mesh has blendshapes"
     for prim in stage.Traverse(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
         binding = UsdSkel.BindingAPI(prim)
-        if (
-            prim.IsA(UsdGeom.Mesh)
-            and binding.GetBlendShapesAttr().Get()
-            and binding.GetBlendShapeTargetsRel().GetTargets()
-        ):
+        if not (prim.IsA(UsdGeom.Mesh) and binding.GetBlendShapesAttr().Get()):
+            continue
+        targets = map(stage.GetPrimAtPath, binding.GetBlendShapeTargetsRel().GetTargets())
+        if not any(target and target.IsA(UsdSkel.BlendShape) for target in targets):
+            problem = f"{prim.GetPath()} names blendshapes, but there are none behind the names"
+        else:
             return InputError(
                 "asset-no-skeleton",
                 f"the blendshapes of {prim.GetPath()} are not bound to a skeleton, so that no "
@@ -249,7 +259,6 @@ def _nothing_to_drive(stage: Usd.Stage, path: Path) -> InputError:
                 action="Put mesh and skeleton below one SkelRoot, apply SkelBindingAPI to the "
                 "mesh and set its 'skel:skeleton'; exporters do so for a mesh with an armature.",
             )
-    problem = "no mesh has blendshapes"
     if errors := stage.GetCompositionErrors():
         problem += f"; but parts of the asset are missing: {' '.join(str(errors[0]).split())}"
     return InputError(

@@ -11,6 +11,7 @@ import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from pxr import Ar, Sdf
 
@@ -72,14 +73,24 @@ def _problem(asset: str, file: str, inside: str) -> str:
 
 def _assets(layer: Sdf.Layer) -> Iterator[str]:
     """Every path that composing `layer` may open."""
-    yield from (path for path in layer.GetCompositionAssetDependencies() if path)
-    if layer.GetExternalAssetDependencies():  # of file formats that are made of other files
-        yield from layer.GetExternalAssetDependencies()
+    # Not GetCompositionAssetDependencies: on a damaged layer it ends the process (26.11).
+    yield from layer.subLayerPaths
+    yield from layer.GetExternalAssetDependencies()  # of file formats that are made of others
     prims: list[Sdf.Path] = []
     layer.Traverse(Sdf.Path.absoluteRootPath, prims.append)
     for path in prims:
         if not path.IsPropertyPath() and (spec := layer.GetPrimAtPath(path)):
-            yield from _paths_in(spec.GetInfo(CLIPS))
+            for arcs in ("references", "payload"):
+                if spec.HasInfo(arcs):
+                    yield from _assets_of(spec.GetInfo(arcs))
+            if spec.HasInfo(CLIPS):
+                yield from _paths_in(spec.GetInfo(CLIPS))
+
+
+def _assets_of(arcs: Any) -> Iterator[str]:
+    """Asset paths in a list of references or payloads, however they are put together."""
+    for items in (arcs.explicitItems, arcs.prependedItems, arcs.appendedItems, arcs.addedItems):
+        yield from (arc.assetPath for arc in items if arc.assetPath)
 
 
 def _paths_in(value: object) -> Iterator[str]:
