@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import pytest
 from pxr import Sdf, Usd, UsdUtils
 
 from animeme.errors import InputError
+from support.jobs import Capture, run_inline, small_job
 from support.usd_kit import FORMAT, hero
 
 OUTSIDE = [
@@ -111,3 +113,29 @@ def test_packages_refer_within(tmp_path: Path) -> None:
 def test_what_is_missing_is_no_refusal(tmp_path: Path) -> None:
     assert FORMAT.load(refer(tmp_path / "a.usda", "./missing.usda", "payload")).shapes
     assert FORMAT.load(refer(tmp_path / "b.usda", "library/missing.usda", "payload")).shapes
+
+
+def test_a_job_may_name_a_larger_folder(tmp_path: Path, capsys: Capture) -> None:
+    """Studios keep what characters share above them."""
+    job = small_job(tmp_path)
+    job.asset("crab.usdc").rename(tmp_path / "shared.usdc")
+    (tmp_path / "show" / "crab").mkdir(parents=True)
+    stage = Usd.Stage.CreateNew(str(tmp_path / "show" / "crab" / "crab.usda"))
+    UsdUtils.CopyLayerMetadata(
+        Sdf.Layer.FindOrOpen(str(tmp_path / "shared.usdc")), stage.GetRootLayer()
+    )
+    stage.GetRootLayer().subLayerPaths.append("../../shared.usdc")
+    stage.Save()
+    crab = job.sections["characters.crab"]
+    crab["asset"] = "show/crab/crab.usda"
+    run_inline(capsys, job).says("shared.usdc", "asset_root")
+    crab["asset_root"] = "show"
+    run_inline(capsys, job).says("shared.usdc", "is not below")
+    crab |= {"asset_root": ".", "usdz": True}
+    assert run_inline(capsys, job).code == 0
+    assert job.animations("en/crab.usda") >= {"boat"}
+    with zipfile.ZipFile(job.output / "crab.usdz") as package:
+        assert {"source/shared.usdc", "source/show/crab/crab.usda"} <= set(package.namelist())
+    assert job.animations("crab.usdz") >= {"boat"}
+    crab["asset_root"] = "out"
+    run_inline(capsys, job).says("characters.crab.asset_root", "is not below it")

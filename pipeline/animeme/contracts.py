@@ -231,11 +231,17 @@ class Format(Protocol):
         """Suffix of the files that `write` makes from `source`."""
         ...
 
-    def load(self, path: Path) -> Character:
+    def load(self, path: Path, *, within: Path | None = None) -> Character:
         """The character in the file at `path`.
 
+        Args:
+            path: the asset.
+            within: folder that the files it is made of must be in; its own if None. Formats that
+                deliver those files beside it may insist on its own.
+
         Raises:
-            InputError: the file is damaged, or has no blendshape that could be driven.
+            InputError: the file is damaged, has no blendshape that could be driven, or is made of
+                files elsewhere.
         """
         ...
 

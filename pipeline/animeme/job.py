@@ -27,6 +27,7 @@ class CharacterJob:
         rig: "auto", a shipped profile's name, or a file relative to the job.
         layout: one file per language, or one per line.
         usdz: pack all languages of a USD asset into one file.
+        asset_root: folder that the layers of a USD asset must be in; its own if None.
     """
 
     name: str
@@ -34,6 +35,7 @@ class CharacterJob:
     rig: str
     layout: Layout
     usdz: bool = False
+    asset_root: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -115,6 +117,7 @@ def _job(document: JobDocument, path: Path, output: Path | None) -> Job:
             section.rig,
             section.layout,
             section.usdz,
+            folder / section.asset_root if section.asset_root is not None else None,
         )
         for name, section in document.characters.items()
     )
@@ -210,6 +213,9 @@ def _character_problems(path: str, section: Mapping[str, Any], folder: Path) -> 
             yield Problem(f"{path}.asset", clash, "Make them two characters.")
         suffixes[suffix] = asset
         joins |= bool(registry.format_of(file).assembly_suffix)
+    root = section.get("asset_root")
+    if isinstance(root, str):
+        yield from _root_problems(f"{path}.asset_root", folder / root, assets, folder)
     if section.get("usdz") is True and section.get("layout") == "per-line":
         action = "Leave 'layout' out, or 'usdz'."
         yield Problem(f"{path}.usdz", "a file per line cannot be packed into one", action)
@@ -219,6 +225,13 @@ def _character_problems(path: str, section: Mapping[str, Any], folder: Path) -> 
     rig = section.get("rig")
     if isinstance(rig, str):
         yield from _rig_problems(f"{path}.rig", rig, folder)
+
+
+def _root_problems(path: str, root: Path, assets: Any, folder: Path) -> Iterator[Problem]:
+    for asset in assets if isinstance(assets, list) else ():
+        file = folder / asset if isinstance(asset, str) else root
+        if not file.resolve().is_relative_to(root.resolve()):
+            yield Problem(path, f"'{asset}' is not below it", "It holds the asset and its layers.")
 
 
 def _rig_problems(path: str, rig: str, folder: Path) -> Iterator[Problem]:

@@ -55,7 +55,7 @@ def load_targets(job: Job) -> tuple[list[Target], list[Finding]]:
     for character in job.characters:
         for path in character.assets:
             try:
-                asset = registry.format_of(path).load(path)
+                asset = registry.format_of(path).load(path, within=character.asset_root)
                 rig = registry.stage("bind-rig")(character.rig, asset, job.folder)
             except InputError as error:
                 findings.append(Finding.from_error(error, character=character.name))

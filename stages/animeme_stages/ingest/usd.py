@@ -153,19 +153,23 @@ def weight_samples(
     return np.array((codes or [0.0])[: len(rows)], dtype=np.float64), rows
 
 
-def load_usd(path: Path) -> Character:
+def load_usd(path: Path, folder: Path) -> Character:
     """The character in the USD file at `path`.
 
+    Args:
+        path: the file.
+        folder: where all of its layers must be.
+
     Raises:
-        InputError: ``asset-unreadable``; ``asset-uri-refused``: it refers to layers outside its
-            folder; ``asset-no-blendshapes``; ``asset-no-skeleton``: no animation could reach its
+        InputError: ``asset-unreadable``; ``asset-uri-refused``: it refers to layers outside
+            `folder`; ``asset-no-blendshapes``; ``asset-no-skeleton``: no animation could reach its
             blendshapes; ``asset-variant-unselected``: only with another variant could it speak;
             ``asset-instanced``: its skeleton is inside an instance that takes no other animation;
             ``asset-time-invalid``: its time codes have no length.
     """
     require_file(path)
     with usd_errors(path):
-        require_local(path, path.parent)
+        require_local(path, folder)
     stage = open_stage(path)
     with usd_errors(path):
         _require_time(stage, path)

@@ -1,4 +1,4 @@
-"""Which files a USD asset may pull in: those of its own folder.
+"""Which files a USD asset may pull in: those of its own folder, or of one that the job names.
 
 USD's own resolver opens whatever path a layer names. So the paths are looked at first, layer by
 layer, before any stage is composed; a file outside is never opened. Textures and sounds are not
@@ -46,8 +46,9 @@ def require_local(path: Path, folder: Path) -> None:
                     "asset-uri-refused",
                     f"refers to {asset[:120]!r}, which {problem}",
                     place=identifier,
-                    action="Put the file into the asset's folder and refer to it by a relative "
-                    "path, or flatten the asset into one file (usdcat --flatten).",
+                    action="Refer to it by a relative path, from a folder that the character's "
+                    "'asset_root' in the job names (its own by default), or flatten the asset "
+                    "into one file (usdcat --flatten).",
                 )
             waiting.append(found)
 
@@ -67,7 +68,7 @@ def _problem(asset: str, file: str, inside: str) -> str:
     if asset.startswith(("/", "\\", "~")):
         return "is an absolute path"
     if os.path.commonpath([inside, os.path.realpath(file)]) != inside:
-        return "is not in the asset's folder"
+        return f"is not below {inside}"
     return ""
 
 

@@ -71,7 +71,7 @@ class GltfFormat:
         """As the source's: a GLB stays one."""
         return source.suffix.lower()
 
-    def load(self, path: Path) -> Character:
+    def load(self, path: Path, *, within: Path | None = None) -> Character:
         """The character in the file; see `animeme.contracts.Format`."""
         return load_gltf(path)
 

@@ -34,14 +34,17 @@ class UsdFormat:
         """Text beside a text source, to read; else binary, for delivery."""
         return ".usda" if source.suffix.lower() == ".usda" else ".usdc"
 
-    def load(self, path: Path) -> Character:
+    def load(self, path: Path, *, within: Path | None = None) -> Character:
         """The character in the file at `path`.
 
+        Args:
+            path: the asset.
+            within: folder that its layers must be in; its own if None.
+
         Raises:
-            InputError: ``asset-unreadable``, ``asset-no-blendshapes``, ``asset-no-skeleton`` or
-                ``asset-instanced``.
+            InputError: see `animeme_stages.ingest.usd.load_usd`.
         """
-        return load_usd(path)
+        return load_usd(path, within or path.parent)
 
     def companions(self, character: Character) -> dict[str, Path]:
         """None: a layer refers to its source where it is."""

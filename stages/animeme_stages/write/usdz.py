@@ -116,8 +116,10 @@ def _contents(source: Path, assembly: Path, by_language: Mapping[str, Path]) -> 
         contents.add(file, f"{language}/{file.name}")
     layers, assets, missing = UsdUtils.ComputeAllDependencies(str(source))
     files = [*(layer.identifier for layer in layers), *assets]
-    inside = Path(os.path.abspath(source.parent))
-    for found in dict.fromkeys(Ar.SplitPackageRelativePathOuter(str(file))[0] for file in files):
+    # Loading made sure that all layers are where they may be.
+    folders = [os.path.dirname(os.path.abspath(_outer(layer.identifier))) for layer in layers]
+    inside = Path(os.path.commonpath([os.path.abspath(source.parent), *folders]))
+    for found in dict.fromkeys(_outer(str(file)) for file in files):
         file = source if os.path.samefile(found, source) else Path(os.path.abspath(found))
         if file is source or file.is_relative_to(inside):
             name = Path(os.path.abspath(file)).relative_to(inside).as_posix()
@@ -129,6 +131,12 @@ def _contents(source: Path, assembly: Path, by_language: Mapping[str, Path]) -> 
         for sound in _sounds(file):
             contents.add(sound, f"sound/{language}/{sound.name}")
     return contents
+
+
+def _outer(path: str) -> str:
+    """The file of a path that may lead into a package."""
+    file: str = Ar.SplitPackageRelativePathOuter(path)[0]
+    return file
 
 
 def _sounds(file: Path) -> list[Path]:
