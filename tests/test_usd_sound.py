@@ -10,8 +10,10 @@ import pytest
 import soundfile
 from pxr import Usd, UsdMedia, UsdSkel
 
+import animeme
 from animeme.findings import RunReport
 from conftest import LANGUAGES, SAMPLE
+from support.jobs import small_job
 from support.judges import select as select_default
 from support.usd_kit import (
     FORMAT,
@@ -108,3 +110,15 @@ def test_a_run_refers_to_its_recordings(sample_run: tuple[RunReport, Path], lang
     for name in ("boat", "five"):
         select_default(stage, dialogueLanguage=language, dialogueLine=name)
         require_heard(stage, SAMPLE / "dialogue" / language / f"{name}.wav")
+
+
+def test_what_was_spoken_is_heard(tmp_path: Path) -> None:
+    pytest.importorskip("espeakng_loader")
+    job = small_job(tmp_path)
+    job.asset("crab.usdc")
+    job.line("en/boat").unlink()
+    job.sections["characters.crab"]["asset"] = "crab.usdc"
+    job.sections["dialogue"]["speak"] = True
+    assert animeme.run(job.write()).exit_code == 0
+    stage = Usd.Stage.Open(str(job.output / "crab.usda"))
+    require_heard(stage, job.output / "speech" / "en" / "boat.wav")

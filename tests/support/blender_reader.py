@@ -52,13 +52,17 @@ def values(request: dict[str, Any]) -> dict[str, dict[str, list[float]]]:
 
 
 def play(data: Any, animation: str) -> None:
-    """Let only the glTF animation of that name play; its importer gives each one a track."""
-    tracks = list(data.nla_tracks) if data and animation else []
-    if not tracks:
+    """Let only the glTF animation of that name play; its importer gives each one a track.
+
+    The tracks themselves begin a frame late, so their action is played instead.
+    """
+    if not data or not animation:
         return
-    for track in tracks:
-        track.mute = track.name != animation
-    data.action = None
+    for track in data.nla_tracks:
+        track.mute = True
+        if track.name == animation:
+            data.action = track.strips[0].action
+            data.action_slot = track.strips[0].action_slot
 
 
 if __name__ == "__main__":
