@@ -16,8 +16,6 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-from pxr import Sdf
-
 from animeme.errors import InputError
 from support.usd_kit import FORMAT, hero, line
 
@@ -26,14 +24,14 @@ PATIENCE_S = 120.0  # of a machine that others use too
 MOST_MEMORY = 4 << 30
 
 NUMBERS = ["0", "-1", "1e308", "-1e400", "nan", "inf", "99999999999999999999", "0.1", "(1, 2)"]
-WORDS = ["None", "[]", "<>", "</>", "<../..>", "</hero>", '""', "@@", "@./fuzz.usda@", "true", "}"]
+WORDS = ["None", "[]", "<>", "</>", "<../..>", "</hero>", '""', "@@", "@./sound.usda@", "true", "}"]
 KEYS = [
     "active = false",
     "instanceable = true",
     "prepend references = </hero/rig>",
     "prepend inherits = </hero>",
     "prepend specializes = </hero/face>",
-    "prepend payload = @./fuzz.usda@",
+    "prepend payload = @./sound.usda@",
     'variants = { string dialogueLine = "x" }',
     'prepend variantSets = ["dialogueLine", "v"]',
     "hidden = true",
@@ -120,11 +118,9 @@ def main() -> None:
     ends: Counter[str] = Counter()
     rng = random.Random(int(seed))
     for number in range(int(count)):
-        file = folder / f"fuzz.{kind}"
+        file = folder / f"fuzz{number}.{kind}"  # USD may still hold the one before
         mutated = mutated_bytes(data, rng) if kind == "usdc" else mutated_text(data.decode(), rng)
         file.write_bytes(mutated)
-        if stale := Sdf.Layer.Find(str(file)):
-            stale.Reload(force=True)
         print(f"case {number}", file=sys.stderr, flush=True)
         faulthandler.dump_traceback_later(PATIENCE_S, exit=True)
         signal.setitimer(signal.ITIMER_PROF, PATIENCE_CPU_S)
@@ -132,6 +128,7 @@ def main() -> None:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         faulthandler.cancel_dump_traceback_later()
         assert file.read_bytes() == mutated, "the source must not change"
+        file.unlink()
     print(dict(ends))
 
 
