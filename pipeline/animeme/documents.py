@@ -124,6 +124,14 @@ class CharacterSection(Document):
         "per-character", description="One file per language with all lines, or a file per line."
     )
     model: ModelSection | None = Field(None, description="In place of the job's.")
+    asset_root: str | None = Field(
+        None,
+        description="Folder that the layers of a USD asset must be in, relative to the job file; "
+        "the asset's own if absent.",
+    )
+    usdz: bool = Field(
+        False, strict=True, description="Also pack a USD asset's languages into one .usdz file."
+    )
 
 
 class JobDocument(Document):

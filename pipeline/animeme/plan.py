@@ -65,12 +65,13 @@ class Plan:
         """
         items: list[AssetItem] = []
         for index, target in enumerate(self.targets):
-            files: dict[tuple[str, Path], list[tuple[int, str, float]]] = defaultdict(list)
+            files: dict[tuple[str, Path], list[tuple[int, str, float, Path]]] = defaultdict(list)
             for number, length_s in sorted(good(target.character).items()):
                 line = self.lines[number]
                 if target.character in self.characters_of(line):
                     file = (line.language, self._file(target, line))
-                    files[file].append((number, line.id, length_s))
+                    audio = self._heard(line)
+                    files[file].append((number, line.id, length_s, audio))
             items += [
                 AssetItem(
                     index, language, tuple(lines), output, spool, self._exports(target, lines)
@@ -80,12 +81,12 @@ class Plan:
         return items
 
     def _exports(
-        self, target: Target, lines: list[tuple[int, str, float]]
+        self, target: Target, lines: list[tuple[int, str, float, Path]]
     ) -> tuple[tuple[int, str, Path], ...]:
         """(place in `lines`, kind, file) of each curve file that goes with an asset's file."""
         return tuple(
             (place, kind, path)
-            for place, (number, _, _) in enumerate(lines)
+            for place, (number, *_) in enumerate(lines)
             for kind, path in self._curve_files(target, self.lines[number])
         )
 
@@ -115,7 +116,7 @@ class Plan:
             path = self.assembly_path(target)
             files = tuple(entry for entry in self.language_files(target) if entry[1] in written)
             if path is not None and files:
-                items.append(AssemblyItem(index, files, path, spool))
+                items.append(AssemblyItem(index, files, path, spool, self.package_path(target)))
         return items
 
     def language_files(self, target: Target) -> list[tuple[str, Path]]:
@@ -130,6 +131,12 @@ class Plan:
         if not suffix or self._layouts[target.character] != "per-character":
             return None
         return self.job.output / f"{target.character}{suffix}"
+
+    def package_path(self, target: Target) -> Path | None:
+        """Where the joined file is packed with all it needs; None if that is not asked for."""
+        path = self.assembly_path(target)
+        packed = {character.name for character in self.job.characters if character.usdz}
+        return path.with_suffix(".usdz") if path and target.character in packed else None
 
     def possible_outputs(self) -> Iterator[Path]:
         """Every asset, alignment and report that the run may write."""
@@ -148,11 +155,15 @@ class Plan:
         yield from self.curve_files()
         for target in self.targets:
             yield from dict.fromkeys(self._file(target, line) for line in self._lines_of(target))
-            path = self.assembly_path(target)
-            yield from () if path is None else (path,)
+            joined = (self.assembly_path(target), self.package_path(target))
+            yield from (path for path in joined if path is not None)
 
     def _lines_of(self, target: Target) -> Iterator[Line]:
         return (line for line in self.lines if target.character in self.characters_of(line))
+
+    def _heard(self, line: Line) -> Path:
+        """The line's recording, or what the run spoke in its place."""
+        return line.audio if line.audio.exists() else speech_path(self.job.output, line)
 
     def _file(self, target: Target, line: Line) -> Path:
         """The file of `target` that holds `line`."""

@@ -62,7 +62,7 @@ def load_targets(job: Job) -> tuple[list[Target], list[Finding]]:
     for character in job.characters:
         for path in character.assets:
             try:
-                asset = registry.format_of(path).load(path)
+                asset = registry.format_of(path).load(path, within=character.asset_root)
                 rig = registry.stage("bind-rig")(
                     character.rig, asset, job.folder, controls=controls
                 )

@@ -158,7 +158,7 @@ class AssetItem:
     Attributes:
         target: index into the context's targets.
         language: folder name and tag.
-        lines: (number of the line, animation name, length in seconds).
+        lines: (number of the line, animation name, length in seconds, recording).
         output: file to write.
         spool: the run's spool folder.
         exports: (place in `lines`, kind, file) of each curve file to write as well.
@@ -166,7 +166,7 @@ class AssetItem:
 
     target: int
     language: str
-    lines: tuple[tuple[int, str, float], ...]
+    lines: tuple[tuple[int, str, float, Path], ...]
     output: Path
     spool: Path
     exports: tuple[tuple[int, str, Path], ...] = ()
@@ -181,12 +181,14 @@ class AssemblyItem:
         files: (language, file) of each language that was written.
         output: file to write.
         spool: the run's spool folder.
+        package: file to pack it all into, or None.
     """
 
     target: int
     files: tuple[tuple[str, Path], ...]
     output: Path
     spool: Path
+    package: Path | None
 
 
 @dataclass(frozen=True)
@@ -421,15 +423,17 @@ def _load_curves(path: Path) -> tuple[CurveSet, tuple[Event, ...]]:
 
 def _animations(item: AssetItem, target: Target, context: RunContext) -> tuple[LineAnimation, ...]:
     """What goes into one file."""
-    loaded = [_load_curves(_spooled(item.spool, n, item.target)) for n, _, _ in item.lines]
+    loaded = [_load_curves(_spooled(item.spool, n, item.target)) for n, *_ in item.lines]
     curves = [shapes for shapes, _ in loaded]
     if not target.asset.animations:  # else theirs would show where ours has no curve
         meshes = [[target.asset.canonical[s] for s in mesh.shapes] for mesh in target.asset.meshes]
         curves = drop_still(curves, target.asset.rest_weights(), meshes)
     lead_s = context.curves.preroll_s
     return tuple(
-        LineAnimation(name, item.language, shapes, length_s, events, lead_s)
-        for (_, name, length_s), shapes, (_, events) in zip(item.lines, curves, loaded, strict=True)
+        LineAnimation(name, item.language, shapes, length_s, events, lead_s, audio)
+        for (_, name, length_s, audio), shapes, (_, events) in zip(
+            item.lines, curves, loaded, strict=True
+        )
     )
 
 
@@ -504,12 +508,23 @@ def join_languages(item: AssemblyItem) -> AssetOutcome:
             raise _RejectedError
 
     files = dict(item.files)
-    return _written(
+    joined = _written(
         lambda: form.write_assembly(target.asset, files, item.output, verify=verify),
         findings,
         target.character,
         item.output,
     )
+    package = item.package
+    if package is None or not joined.outputs:
+        return joined
+    remarks: list[Finding] = []
+
+    def pack() -> tuple[Path, ...]:
+        remarks.extend(registry.stage("package-usdz")(target.asset, item.output, files, package))
+        return (package,)
+
+    packed = _written(pack, remarks, target.character, package)
+    return AssetOutcome(joined.outputs + packed.outputs, joined.findings + packed.findings)
 
 
 def _written(

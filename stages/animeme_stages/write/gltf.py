@@ -71,8 +71,11 @@ class GltfFormat:
         """As the source's: a GLB stays one."""
         return source.suffix.lower()
 
-    def load(self, path: Path) -> Character:
-        """The character in the file; see `animeme.contracts.Format`."""
+    def load(self, path: Path, *, within: Path | None = None) -> Character:
+        """The character in the file; see `animeme.contracts.Format`.
+
+        Its buffers and images are delivered beside it, so they must be in its own folder.
+        """
         return load_gltf(path)
 
     def companions(self, character: Character) -> dict[str, Path]:

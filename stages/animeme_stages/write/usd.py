@@ -22,7 +22,8 @@ class UsdFormat:
 
     A written layer sublayers the source by relative path. Below the character's prim it defines
     ``Dialogue``, one SkelAnimation per line (and per skeleton, where there are several), built
-    upon the animation that the skeleton came with; the variant set ``dialogueLine`` chooses one.
+    upon the animation that the skeleton came with; the variant set ``dialogueLine`` chooses one,
+    and with it a SpatialAudio that plays its recording, by relative path.
     """
 
     name: ClassVar[str] = "usd"
@@ -33,14 +34,17 @@ class UsdFormat:
         """Text beside a text source, to read; else binary, for delivery."""
         return ".usda" if source.suffix.lower() == ".usda" else ".usdc"
 
-    def load(self, path: Path) -> Character:
+    def load(self, path: Path, *, within: Path | None = None) -> Character:
         """The character in the file at `path`.
 
+        Args:
+            path: the asset.
+            within: folder that its layers must be in; its own if None.
+
         Raises:
-            InputError: ``asset-unreadable``, ``asset-no-blendshapes``, ``asset-no-skeleton`` or
-                ``asset-instanced``.
+            InputError: see `animeme_stages.ingest.usd.load_usd`.
         """
-        return load_usd(path)
+        return load_usd(path, within or path.parent)
 
     def companions(self, character: Character) -> dict[str, Path]:
         """None: a layer refers to its source where it is."""
@@ -68,8 +72,10 @@ class UsdFormat:
         end_s = max(line.end_s for line in lines)
         layer = usd_layer.override_layer(character.source, stage, target, end_s=end_s)
         with Sdf.ChangeBlock():
-            for host in hosts:
-                usd_layer.add_lines(layer, host, character, lines)
+            for number, host in enumerate(hosts):
+                # Once, however many prims the character is made of.
+                heard = number == 0
+                usd_layer.add_lines(layer, host, character, lines, target, heard=heard)
                 usd_layer.bind_pointers(layer, stage, host)
         usd_layer.export(layer, target, verify)
         return (target,)
