@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from animeme.api import align, align_folder, load_character, load_model, run, speak
+    from animeme.api import align, align_folder, load_character, load_model, run, speak, strip
     from animeme.crossmapping import crossmap
     from animeme.errors import AnimemeError, InputError, JobError, PluginError
     from animeme.training import evaluate, read_dataset, save_model, train
@@ -24,6 +24,7 @@ _HOMES = {
     "load_model": "animeme.api",
     "run": "animeme.api",
     "speak": "animeme.api",
+    "strip": "animeme.api",
     "crossmap": "animeme.crossmapping",
     "evaluate": "animeme.training",
     "read_dataset": "animeme.training",
@@ -50,6 +51,7 @@ __all__ = [
     "run",
     "save_model",
     "speak",
+    "strip",
     "train",
 ]
 

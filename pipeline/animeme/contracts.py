@@ -297,6 +297,22 @@ class Format(Protocol):
         """Weight curves of every animation in the file, by name, over canonical shape names."""
         ...
 
+    def strip(self, path: Path, target: Path) -> tuple[str, ...]:
+        """Write the source of a file that `write` made to `target`, byte for byte.
+
+        Args:
+            path: the file.
+            target: where to write; may be `path`.
+
+        Returns:
+            Names of the animations that were taken out.
+
+        Raises:
+            InputError: nothing in it is ours, it was edited since, or the format has no need of
+                this; nothing is written then.
+        """
+        ...
+
     def harm(self, character: Character, output: Path) -> list[str]:
         """What `output` lost or changed of the source: one sentence each, [] if nothing.
 

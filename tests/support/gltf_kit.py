@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 
 from animeme.contracts import LineAnimation
 from animeme.curves import CurveSet
+from animeme_stages.ingest.gltf_data import external_uris, local_file
 from animeme_stages.write.gltf import GltfFormat
 from support.gltf_build import (
     BIN_KIND,
@@ -58,9 +60,21 @@ def face_glb(folder: Path, document: Json | str | None = None, binary: bytes = T
 
 
 def animate(
-    source: Path, target: Path, curves: CurveSet | None = None, *, plain: bool = False
+    source: Path,
+    target: Path,
+    curves: CurveSet | None = None,
+    *,
+    plain: bool = False,
+    origin: Path | None = None,
 ) -> Reader:
-    """Write one line, and require everything that holds for every asset."""
+    """Write one line, and require everything that holds for every asset.
+
+    Args:
+        source, target: the asset, and where to.
+        curves: of the line; any, of its first shape, if None.
+        plain: read it back from the bare JSON.
+        origin: what `source`, an output of ours, was made from.
+    """
     before = source.read_bytes()
     character = FORMAT.load(source)
     curves = curves or speech(character.shapes[:1])
@@ -69,7 +83,8 @@ def animate(
     assert written[0] == target
     assert all(path.is_file() for path in written)
     assert FORMAT.harm(character, target) == []
-    require_kept(source, target)
+    require_kept(origin or source, target)
+    require_strippable(origin or source, target)
     name = "hello_en" if "hello" in foreign_names(source) else "hello"
     reader = Reader(target, plain=plain)
     require_played(reader, name, curves, character.canonical)
@@ -81,6 +96,19 @@ def animate(
         atol=CLOSE,
     )
     return reader
+
+
+def require_strippable(source: Path, target: Path) -> None:
+    """Without our animations `target` is `source`, and every file beside it is as it was."""
+    back = target.parent / "stripped" / source.name
+    before = {p: p.read_bytes() for p in target.parent.rglob("*") if p.is_file()}
+    assert FORMAT.strip(target, back)
+    assert back.read_bytes() == source.read_bytes()
+    for uri in external_uris(document_of(source)):
+        if local_file(source, uri).is_file():
+            assert local_file(back, uri).read_bytes() == local_file(source, uri).read_bytes()
+    assert {p: p.read_bytes() for p in before} == before
+    shutil.rmtree(back.parent)
 
 
 def is_mine(animation: Mapping[str, Any]) -> bool:

@@ -42,6 +42,7 @@ class Container:
         json: the same, parsed.
         chunks: of a GLB, those after the JSON, in order; () for a ``.gltf``.
         binary: whether it is a GLB.
+        json_bytes: length of the JSON as stored, with the NULs that some exporters pad it with.
     """
 
     path: Path
@@ -49,6 +50,7 @@ class Container:
     json: dict[str, Any]
     chunks: tuple[Chunk, ...]
     binary: bool
+    json_bytes: int
 
     @property
     def bin(self) -> Chunk | None:
@@ -83,8 +85,8 @@ def open_container(path: Path) -> Container:
                 data, rest = head + stream.read(), ()
     except OSError as error:
         raise unreadable(path, f"cannot be read ({error.strerror})") from error
-    text, parsed = _parse(path, data)
-    return Container(path, text, parsed, rest, head[:4] == _MAGIC)
+    text = _decode(path, data)
+    return Container(path, text, parse(path, text), rest, head[:4] == _MAGIC, len(data))
 
 
 def _chunks(path: Path, stream: Any, head: bytes) -> tuple[Chunk, ...]:
@@ -119,9 +121,20 @@ def _no_number(text: str) -> float:
     raise ValueError(f"{text} is no number in JSON")
 
 
-def _parse(path: Path, data: bytes) -> tuple[str, dict[str, Any]]:
+def _decode(path: Path, data: bytes) -> str:
     try:
-        text = data.decode("utf-8").rstrip("\0")
+        return data.decode("utf-8").rstrip("\0")
+    except ValueError as error:
+        raise unreadable(path, f"holds no JSON ({str(error)[:120]})") from error
+
+
+def parse(path: Path, text: str) -> dict[str, Any]:
+    """The root object of a glTF 2.x document.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
         parsed = json.loads(text, parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
         raise unreadable(path, f"holds no JSON ({str(error)[:120]})") from error
@@ -132,4 +145,4 @@ def _parse(path: Path, data: bytes) -> tuple[str, dict[str, Any]]:
     )
     if not str(version).startswith("2."):
         raise unreadable(path, f"says asset.version {version!r}; only 2.x is known")
-    return text, parsed
+    return parsed

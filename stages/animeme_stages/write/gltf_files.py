@@ -6,6 +6,7 @@ import filecmp
 import os
 import shutil
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from urllib.parse import unquote
@@ -60,7 +61,7 @@ def companions(source: Path, uris: Sequence[str], target: Path) -> Companions:
         if copy.is_file():
             if filecmp.cmp(file, copy, shallow=False):
                 continue
-            if set(_owners(copy, target.parent)) != {asset}:
+            if set(owners(copy, target.parent)) != {asset}:
                 raise InputError(
                     "asset-file-clash",
                     f"needs '{uri}', but another asset's file of that name is there",
@@ -71,7 +72,7 @@ def companions(source: Path, uris: Sequence[str], target: Path) -> Companions:
     return Companions(tuple(copies), tuple(uris), asset)
 
 
-def _owners(file: Path, folder: Path) -> Iterator[str]:
+def owners(file: Path, folder: Path) -> Iterator[str]:
     """For each asset in `folder` that refers to `file`: the source it was made from, "" if none."""
     for path in sorted(folder.iterdir()):
         if path.suffix.lower() not in _SUFFIXES:
@@ -93,3 +94,23 @@ def side_car_name(target: Path, taken: Sequence[str]) -> str:
         number += 1
         name = f"{target.stem}.animeme-{number}.bin"
     return name
+
+
+@contextmanager
+def replacing(path: Path, data: bytes) -> Iterator[None]:
+    """Put `data` in the place of a file; what was there comes back if anything is raised."""
+    before = path.read_bytes() if path.is_file() else None
+    _put(path, data)
+    try:
+        yield
+    except BaseException:
+        if before is None:
+            path.unlink(missing_ok=True)
+        else:
+            _put(path, before)
+        raise
+
+
+def _put(path: Path, data: bytes) -> None:
+    with atomic_path(path) as scratch:
+        scratch.write_bytes(data)

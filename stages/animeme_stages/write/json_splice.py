@@ -1,4 +1,4 @@
-"""Adding to JSON text without touching what is there.
+"""Adding to JSON text without touching what is there, and taking it away again.
 
 Parsing and dumping would change number formats, escapes, white space and repeated keys. So the text
 is edited in place: arrays get elements before their closing bracket, single values are replaced,
@@ -29,6 +29,8 @@ class Splice:
     _appended: dict[str, list[str]] = field(default_factory=dict)  # top-level array → elements
     _added: dict[int, dict[str, str]] = field(default_factory=dict)  # object → new members
     _members: dict[int, dict[str, tuple[int, int]]] = field(default_factory=dict)
+    _elements: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
+    _removed: list[str] = field(default_factory=list)  # top-level members
 
     def members(self, start: int = 0) -> dict[str, tuple[int, int]]:
         """Span [from, to) of each member's value in the object at `start`; of twins, the last."""
@@ -49,6 +51,11 @@ class Splice:
 
     def elements(self, start: int) -> list[tuple[int, int]]:
         """Span of each element of the array at `start`."""
+        if start not in self._elements:
+            self._elements[start] = self._scan_elements(start)
+        return self._elements[start]
+
+    def _scan_elements(self, start: int) -> list[tuple[int, int]]:
         found: list[tuple[int, int]] = []
         at = self._skip(start + 1)
         while self.text[at] != "]":
@@ -59,7 +66,26 @@ class Splice:
 
     def replace(self, span: tuple[int, int], value: Any) -> None:
         """Put `value` in the place of a value's span."""
-        self._replaced[span] = dumps(value)
+        self.replace_text(span, dumps(value))
+
+    def replace_text(self, span: tuple[int, int], text: str) -> None:
+        """Put JSON text in the place of a span."""
+        self._replaced[span] = text
+
+    def truncate(self, key: str, length: int) -> None:
+        """Take back what `append` added to the top-level array `key`, of `length` elements then."""
+        spans = self.elements(self.members()[key][0])
+        if not 0 <= length <= len(spans):
+            raise ValueError(f"{key} has {len(spans)} elements, not {length} or more")
+        if length < len(spans):
+            # From the comma that was added, or in an empty array from the first element.
+            start = self._skip(spans[length - 1][1]) if length else spans[0][0]
+            self.replace_text((start, spans[-1][1]), "")
+
+    def remove(self, key: str) -> None:
+        """Take back the top-level array `key`, which `append` made, if it is there."""
+        if key in self.members():
+            self._removed.append(key)
 
     def append(self, key: str, values: Sequence[Any]) -> None:
         """Append `values` to the top-level array `key`, which is made where there is none."""
@@ -84,6 +110,13 @@ class Splice:
             if span := self.members().get(key):
                 comma = "," if self.elements(span[0]) else ""
                 edits.append((span[1] - 1, span[1] - 1, comma + ",".join(values)))
+        if self._removed:
+            members = self.members()
+            stay = max((end for key, (_, end) in members.items() if key not in self._removed))
+            if any(members[key][0] < stay for key in self._removed):
+                raise ValueError(f"{', '.join(self._removed)} did not come last")
+            last = max(end for _, end in members.values())
+            edits.append((self._skip(stay), last, ""))
         for start, added in self._added.items():
             members = self.members(start)
             last = max((end for _, end in members.values()), default=self._skip(start) + 1)

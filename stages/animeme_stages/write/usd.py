@@ -11,6 +11,7 @@ from pxr import Sdf, Usd
 
 from animeme.contracts import LineAnimation, Verify, unverified
 from animeme.curves import CurveSet
+from animeme.errors import InputError
 from animeme.rig import Character
 from animeme_stages.ingest.usd import load_usd, open_stage, usd_errors
 from animeme_stages.write import usd_harm, usd_layer, usd_read
@@ -108,6 +109,19 @@ class UsdFormat:
             InputError: ``asset-unreadable``; ``asset-animation-invalid``: weights do not fit.
         """
         return usd_read.read_animations(path)
+
+    def strip(self, path: Path, target: Path) -> tuple[str, ...]:
+        """Refuse: there is nothing to take out of a layer that is nothing but ours.
+
+        Raises:
+            InputError: always ``strip-layer``.
+        """
+        raise InputError(
+            "strip-layer",
+            "is a USD file: animeme writes layers of their own over a source that it never changes",
+            place=str(path),
+            action="Delete the layer; the source is as it was.",
+        )
 
     def harm(self, character: Character, output: Path) -> list[str]:
         """What `output` lost or changed of the character's source: one sentence each.
