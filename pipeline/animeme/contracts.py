@@ -237,6 +237,14 @@ class Format(Protocol):
         """
         ...
 
+    def for_layout(self, layout: str, character: Character) -> Format:
+        """The format that writes `character` in one of the job file's layouts.
+
+        Raises:
+            InputError: ``layout-unsupported``: this asset cannot have it; says why.
+        """
+        ...
+
     def companions(self, character: Character) -> Mapping[str, Path]:
         """Other files that `write` puts beside its target: path below its folder → their source.
 

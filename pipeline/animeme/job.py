@@ -14,7 +14,7 @@ from animeme import registry
 from animeme.documents import JobDocument, problems_of, suggestion
 from animeme.errors import InputError, JobError, PluginError, Problem
 
-Layout = Literal["per-character", "per-line"]
+Layout = Literal["per-character", "per-line", "animation-only", "vrma"]
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class CharacterJob:
         name: in the job.
         assets: its files, one per format.
         rig: "auto", a shipped profile's name, or a file relative to the job.
-        layout: one file per language, or one per line.
+        layout: one file per language, one per line, or per line a file of animation alone.
     """
 
     name: str

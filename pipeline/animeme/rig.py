@@ -9,6 +9,14 @@ from pathlib import Path
 
 
 @dataclass(frozen=True)
+class Drive:
+    """One shape driven by a control: weight = gain × control (summed over controls)."""
+
+    shape: str
+    gain: float = 1.0
+
+
+@dataclass(frozen=True)
 class MeshShapes:
     """The blendshapes of one mesh (glTF: of one node that instances it).
 
@@ -38,12 +46,15 @@ class Character:
         format: name of the registered format that read it.
         meshes: every mesh that owns at least one shape, in file order.
         animations: names of the animations it came with.
+        expressions: poses that the file itself names, as the shapes that make them (VRM's
+            expressions with their binds).
     """
 
     source: Path
     format: str
     meshes: tuple[MeshShapes, ...]
     animations: tuple[str, ...] = ()
+    expressions: Mapping[str, tuple[Drive, ...]] = field(default_factory=dict, hash=False)
     canonical: Mapping[str, str] = field(init=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -103,14 +114,6 @@ def _shared_tails(owners: Mapping[str, set[int]]) -> dict[str, str]:
         if match := _PREFIXED.match(name):
             tails.setdefault(match["stem"], []).append(name)
     return {name: tail for tail, names in tails.items() if len(names) > 1 for name in names}
-
-
-@dataclass(frozen=True)
-class Drive:
-    """One shape driven by a control: weight = gain × control (summed over controls)."""
-
-    shape: str
-    gain: float = 1.0
 
 
 @dataclass(frozen=True)

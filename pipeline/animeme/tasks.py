@@ -20,6 +20,7 @@ from animeme.contracts import (
     Alignment,
     Anchor,
     AssetSubject,
+    Format,
     LineAnimation,
     LineSubject,
     Model,
@@ -43,11 +44,19 @@ class Target:
         character: the character's name in the job.
         asset: what its format read.
         rig: its bound profile.
+        layout: how its lines are laid out in files.
     """
 
     character: str
     asset: Character
     rig: BoundRig
+    layout: str = "per-character"
+
+    @property
+    def format(self) -> Format:
+        """The format that writes it."""
+        form = registry.format_named(self.asset.format)
+        return form.for_layout(self.layout, self.asset)
 
 
 @dataclass(frozen=True)
@@ -385,7 +394,7 @@ def write_asset(item: AssetItem) -> AssetOutcome:
     """Write one asset with its lines; it takes its place only if it passes its checks."""
     context = _context(item.spool)
     target = context.targets[item.target]
-    form = registry.format_named(target.asset.format)
+    form = target.format
     lines = tuple(
         LineAnimation(name, item.language, curves, length_s, events)
         for number, name, length_s in item.lines
@@ -411,7 +420,7 @@ def write_asset(item: AssetItem) -> AssetOutcome:
 def join_languages(item: AssemblyItem) -> AssetOutcome:
     """Write the file that joins one asset's languages, if it does no harm."""
     target = _context(item.spool).targets[item.target]
-    form = registry.format_named(target.asset.format)
+    form = target.format
     findings: list[Finding] = []
 
     def verify(path: Path) -> None:

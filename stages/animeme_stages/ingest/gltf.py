@@ -10,6 +10,7 @@ from animeme.errors import InputError
 from animeme.rig import Character, MeshShapes
 from animeme_stages.ingest.glb import open_container
 from animeme_stages.ingest.gltf_document import require_sound, target_count
+from animeme_stages.ingest.vrm import bound_names, expressions
 
 FORMAT = "gltf"
 
@@ -18,7 +19,7 @@ def load_gltf(path: Path) -> Character:
     """The character in a glTF file.
 
     Every node that instances a mesh with morph targets counts as a mesh of the character, as each
-    has weights of its own.
+    has weights of its own. Targets without a name take that of the VRM expression bound to them.
 
     Raises:
         InputError: damaged, or without morph targets.
@@ -35,11 +36,12 @@ def load_gltf(path: Path) -> Character:
             action="Export the character with its morph targets (shape keys, blendshapes).",
         )
     names = [str(a.get("name", f"animation {i}")) for i, a in enumerate(root.get("animations", []))]
-    return Character(path, FORMAT, meshes, tuple(names))
+    return Character(path, FORMAT, meshes, tuple(names), expressions(root, meshes))
 
 
 def _meshes(root: Mapping[str, Any]) -> list[MeshShapes]:
     found = []
+    bound = bound_names(root)
     for index, node in enumerate(root.get("nodes", [])):
         if "mesh" not in node:
             continue
@@ -50,12 +52,15 @@ def _meshes(root: Mapping[str, Any]) -> list[MeshShapes]:
         rest = node.get("weights") or mesh.get("weights") or [0.0] * count
         name = str(node.get("name") or mesh.get("name") or f"node {index}")
         shapes = target_names(mesh, count)
+        if shapes is None:
+            path = f"/nodes/{index}"
+            shapes = _distinct(tuple(bound.get((path, i), f"target_{i}") for i in range(count)))
         found.append(MeshShapes(f"/nodes/{index}", name, shapes, tuple(float(w) for w in rest)))
     return found
 
 
-def target_names(mesh: Mapping[str, Any], count: int) -> tuple[str, ...]:
-    """Names of a mesh's targets: its own extras, else those of its primitives, else numbers.
+def target_names(mesh: Mapping[str, Any], count: int) -> tuple[str, ...] | None:
+    """Names of a mesh's targets: its own extras, else those of its primitives, else None.
 
     Args:
         mesh: glTF mesh object.
@@ -67,7 +72,7 @@ def target_names(mesh: Mapping[str, Any], count: int) -> tuple[str, ...]:
         names = extras.get("targetNames") if isinstance(extras, dict) else None
         if isinstance(names, list) and len(names) == count:
             return _distinct(tuple(str(name) for name in names))
-    return tuple(f"target_{index}" for index in range(count))
+    return None
 
 
 def _distinct(names: tuple[str, ...]) -> tuple[str, ...]:

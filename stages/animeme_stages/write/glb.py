@@ -53,6 +53,15 @@ def write_glb(stream: BinaryIO, container: Container, text: str, data: bytes) ->
             _copy(source, stream, chunk)
 
 
+def pack_glb(text: str, data: bytes) -> bytes:
+    """A GLB of a JSON text and, unless it is empty, a binary chunk."""
+    encoded = text.encode("utf-8")
+    chunks = [(_JSON, encoded + b" " * (-len(encoded) % 4))]
+    chunks += [(_BIN, data + bytes(-len(data) % 4))] if data else []
+    body = b"".join(struct.pack("<II", len(part), kind) + part for kind, part in chunks)
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
 def stored(container: Container) -> Iterator[bytes]:
     """The file that `container` was read from, in pieces: header, JSON and chunks as they were."""
     encoded = container.text.encode("utf-8").ljust(container.json_bytes, b"\0")

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 from urllib.parse import quote
 
-from animeme.contracts import LineAnimation, Verify, unverified
+from animeme.contracts import Format, LineAnimation, Verify, unverified
 from animeme.curves import CurveSet
 from animeme.errors import InputError
 from animeme.files import atomic_path
@@ -23,10 +23,12 @@ from animeme_stages.ingest.gltf import load_gltf
 from animeme_stages.ingest.gltf_data import Buffers, external_uris, local_file, weight_animations
 from animeme_stages.ingest.gltf_document import line_of, mark_of, marked
 from animeme_stages.write.glb import checksum_of, stored, write_glb
+from animeme_stages.write.gltf_clip import GltfClip, all_ours
 from animeme_stages.write.gltf_files import companions, owners, replacing, side_car_name
 from animeme_stages.write.gltf_harm import harm
 from animeme_stages.write.gltf_lines import Appended, animated, carried, drives, free_name
 from animeme_stages.write.gltf_origin import LISTS, Origin, Past, our_lines, past_of
+from animeme_stages.write.gltf_vrma import Vrma
 from animeme_stages.write.json_splice import Splice
 
 
@@ -44,6 +46,17 @@ class GltfFormat:
     def load(self, path: Path) -> Character:
         """The character in the file; see `animeme.contracts.Format`."""
         return load_gltf(path)
+
+    def for_layout(self, layout: str, character: Character) -> Format:
+        """Itself, or the format of files of animation alone.
+
+        Raises:
+            InputError: ``layout-unsupported``: a .vrma of what is no VRM avatar.
+        """
+        if layout in ("per-character", "per-line"):
+            return self
+        form = GltfClip() if layout == GltfClip.layout else Vrma()
+        return form.for_layout(layout, character)
 
     def companions(self, character: Character) -> dict[str, Path]:
         """Buffers and images in files of their own; see `animeme.contracts.Format`."""
@@ -127,6 +140,8 @@ class GltfFormat:
                 after us.
         """
         container = open_container(path)
+        if mark_of(container.json["asset"]):
+            raise all_ours(path)
         past = past_of(container)
         if past is None:
             raise _unstrippable(container)

@@ -43,6 +43,21 @@ class UsdFormat:
         """
         return load_usd(path)
 
+    def for_layout(self, layout: str, character: Character) -> UsdFormat:
+        """Itself, for the layouts that USD has.
+
+        Raises:
+            InputError: ``layout-unsupported``: it is one of glTF's.
+        """
+        if layout in ("per-character", "per-line"):
+            return self
+        raise InputError(
+            "layout-unsupported",
+            f"is USD, which has no layout '{layout}': its layers hold nothing but animation anyway",
+            place=str(character.source),
+            action='Use layout = "per-line", or make its glTF file a character of its own.',
+        )
+
     def companions(self, character: Character) -> dict[str, Path]:
         """None: a layer refers to its source where it is."""
         return {}
