@@ -120,7 +120,7 @@ def test_every_byte_of_an_odd_source_comes_back(case: str, tmp_path: Path) -> No
 def rebuilt(path: Path, edit: Callable[[Json], object]) -> bytes:
     document = document_of(path)
     edit(document)
-    return glb(document, *split_glb(path.read_bytes())[1])
+    return glb(json.dumps(document, indent=2), *split_glb(path.read_bytes())[1])
 
 
 EDITS: dict[str, Callable[[Path], bytes]] = {
@@ -140,7 +140,7 @@ EDITS: dict[str, Callable[[Path], bytes]] = {
     ),
     "the note dropped": lambda p: rebuilt(p, lambda d: d["bufferViews"][-1].pop("extras")),
     "the note broken": lambda p: rebuilt(
-        p, lambda d: d["bufferViews"][-1]["extras"].update(animeme={"lengths": 7})
+        p, lambda d: d["bufferViews"][-1]["extras"].update(animeme={"lists": 7})
     ),
     "the note enormous": lambda p: rebuilt(
         p, lambda d: d["bufferViews"][-1]["extras"]["animeme"].update(json_bytes=10**15)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import struct
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,6 @@ class Container:
     Attributes:
         path: the file.
         text: its JSON, exactly as stored.
-        json: the same, parsed.
         chunks: of a GLB, those after the JSON, in order; () for a ``.gltf``.
         binary: whether it is a GLB.
         json_bytes: length of the JSON as stored, with the NULs that some exporters pad it with.
@@ -47,10 +47,14 @@ class Container:
 
     path: Path
     text: str
-    json: dict[str, Any]
     chunks: tuple[Chunk, ...]
     binary: bool
     json_bytes: int
+
+    @cached_property
+    def json(self) -> dict[str, Any]:
+        """Its JSON, parsed; `open_container` has made sure that this can be done."""
+        return parse(self.path, self.text)
 
     @property
     def bin(self) -> Chunk | None:
@@ -85,8 +89,9 @@ def open_container(path: Path) -> Container:
                 data, rest = head + stream.read(), ()
     except OSError as error:
         raise unreadable(path, f"cannot be read ({error.strerror})") from error
-    text = _decode(path, data)
-    return Container(path, text, parse(path, text), rest, head[:4] == _MAGIC, len(data))
+    container = Container(path, _decode(path, data), rest, head[:4] == _MAGIC, len(data))
+    _ = container.json
+    return container
 
 
 def _chunks(path: Path, stream: Any, head: bytes) -> tuple[Chunk, ...]:

@@ -62,18 +62,31 @@ def pack_glb(text: str, data: bytes) -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
 
+def restore(stream: BinaryIO, container: Container) -> None:
+    """Write the file that `container` was read from."""
+    stream.write(_head(container))
+    with container.path.open("rb") as source:
+        for chunk in container.chunks:
+            stream.write(struct.pack("<II", chunk.length, chunk.kind))
+            _copy(source, stream, chunk)
+
+
 def stored(container: Container) -> Iterator[bytes]:
-    """The file that `container` was read from, in pieces: header, JSON and chunks as they were."""
-    encoded = container.text.encode("utf-8").ljust(container.json_bytes, b"\0")
-    if not container.binary:
-        yield encoded
-        return
-    total = 20 + len(encoded) + sum(8 + chunk.length for chunk in container.chunks)
-    yield struct.pack("<4sIIII", b"glTF", 2, total, len(encoded), _JSON) + encoded
+    """The file that `container` was read from, in pieces."""
+    yield _head(container)
     with container.path.open("rb") as source:
         for chunk in container.chunks:
             yield struct.pack("<II", chunk.length, chunk.kind)
             yield from pieces(source, chunk)
+
+
+def _head(container: Container) -> bytes:
+    """What a file begins with: header and JSON as they were."""
+    encoded = container.text.encode("utf-8").ljust(container.json_bytes, b"\0")
+    if not container.binary:
+        return encoded
+    total = 20 + len(encoded) + sum(8 + chunk.length for chunk in container.chunks)
+    return struct.pack("<4sIIII", b"glTF", 2, total, len(encoded), _JSON) + encoded
 
 
 def pieces(source: BinaryIO, chunk: Chunk) -> Iterator[bytes]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, ClassVar
 from urllib.parse import quote
@@ -22,9 +21,9 @@ from animeme_stages.ingest.glb import Container, open_container, unreadable
 from animeme_stages.ingest.gltf import load_gltf
 from animeme_stages.ingest.gltf_data import Buffers, external_uris, local_file, weight_animations
 from animeme_stages.ingest.gltf_document import line_of, mark_of, marked
-from animeme_stages.write.glb import checksum_of, stored, write_glb
+from animeme_stages.write.glb import checksum_of, restore, write_glb
 from animeme_stages.write.gltf_clip import GltfClip, all_ours
-from animeme_stages.write.gltf_files import companions, owners, replacing, side_car_name
+from animeme_stages.write.gltf_files import companions, owners, placed, side_car_name
 from animeme_stages.write.gltf_harm import harm
 from animeme_stages.write.gltf_lines import Appended, animated, carried, drives, free_name
 from animeme_stages.write.gltf_origin import LISTS, Origin, Past, our_lines, past_of
@@ -99,19 +98,17 @@ class GltfFormat:
         name = None if container.binary else side_car_name(target, beside.uris)
         crc32 = past.origin.crc32 if past else checksum_of(container.path)
         text = _edited(container, appended, animations, crc32, uri=quote(name) if name else None)
-        side_car = target.with_name(name) if name and appended.data else None
-        written = [target, *beside.copy(), *([side_car] if side_car else [])]
-        with (
-            replacing(side_car, bytes(appended.data)) if side_car else nullcontext(),
-            atomic_path(target) as scratch,
-        ):
+        files: list[tuple[Path | bytes, Path]] = [*beside.copies]
+        if name and appended.data:
+            files.append((bytes(appended.data), target.with_name(name)))
+        with placed(files), atomic_path(target) as scratch:
             if container.binary:
                 with scratch.open("wb") as stream:
                     write_glb(stream, container, text, bytes(appended.data))
             else:
                 scratch.write_text(text, encoding="utf-8", newline="")
             verify(scratch)
-        return tuple(written)
+        return (target, *(path for _, path in files))
 
     def write_assembly(
         self,
@@ -145,11 +142,15 @@ class GltfFormat:
         past = past_of(container)
         if past is None:
             raise _unstrippable(container)
-        companions(path, external_uris(past.source.json), target).copy()
+        beside = companions(path, external_uris(past.source.json), target)
         uris = external_uris(container.json)
         own = [local_file(path, uri) for uri in uris if uri not in external_uris(past.source.json)]
-        with atomic_path(target) as scratch, scratch.open("wb") as stream:
-            stream.writelines(stored(past.source))
+        with (
+            placed(beside.copies),
+            atomic_path(target) as scratch,
+            scratch.open("wb") as stream,
+        ):
+            restore(stream, past.source)
         if target.resolve() == path.resolve():
             for side_car in own:
                 if not any(owners(side_car, side_car.parent)):
@@ -241,10 +242,13 @@ def _edited(
     replaced: dict[tuple[str, int, str], str] = {}
     buffer, start = _put_buffer(splice, container, appended, uri, replaced)
     _put_animations(splice, container, animations, replaced)
-    lengths = {n: len(container.json[n]) if n in container.json else None for n in LISTS}
+    lists = {
+        name: (len(container.json[name]), splice.length(name)) if name in container.json else None
+        for name in LISTS
+    }
     bin_bytes = container.bin.length if container.bin else None
     nul_bytes = container.json_bytes - len(container.text.encode("utf-8"))
-    origin = Origin(container.json_bytes, nul_bytes, bin_bytes, lengths, replaced, crc32)
+    origin = Origin(container.json_bytes, nul_bytes, bin_bytes, lists, replaced, crc32)
     view = {"buffer": buffer, "byteOffset": start, "byteLength": size}
     splice.append("bufferViews", [{**view, "extras": marked(origin.to_json())}])
     splice.append("accessors", appended.accessors)

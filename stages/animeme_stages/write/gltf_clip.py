@@ -209,7 +209,12 @@ class GltfClip(AnimationFile):
         container = open_container(output)
         if not container.json.get("nodes"):
             return []
-        known = {(mesh.name, mesh.shapes) for mesh in character.meshes}
+        nodes = open_container(character.source).json["nodes"]
+        known = {
+            (name, mesh.shapes)
+            for mesh in character.meshes
+            for name in (mesh.name, f"mesh_{nodes[node_of(mesh)]['mesh']}")
+        }
         return [
             f"the character has no node '{mesh.name}' with these morph targets"
             for mesh in load_gltf(output).meshes

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import filecmp
 import os
+import secrets
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -33,13 +34,6 @@ class Companions:
     copies: tuple[tuple[Path, Path], ...]
     uris: tuple[str, ...]
     asset: str
-
-    def copy(self) -> list[Path]:
-        """Copy them and return the new files."""
-        for file, target in self.copies:
-            with atomic_path(target) as scratch:
-                shutil.copyfile(file, scratch)
-        return [target for _, target in self.copies]
 
 
 def companions(source: Path, uris: Sequence[str], target: Path) -> Companions:
@@ -97,20 +91,32 @@ def side_car_name(target: Path, taken: Sequence[str]) -> str:
 
 
 @contextmanager
-def replacing(path: Path, data: bytes) -> Iterator[None]:
-    """Put `data` in the place of a file; what was there comes back if anything is raised."""
-    before = path.read_bytes() if path.is_file() else None
-    _put(path, data)
+def placed(files: Sequence[tuple[Path | bytes, Path]]) -> Iterator[None]:
+    """Put files in their places; if anything is raised, all is as it was before.
+
+    Args:
+        files: (what to copy, or the content; where to) of each.
+    """
+    kept: list[tuple[Path, Path]] = []  # what was there → where it waits
+    new: list[Path] = []
     try:
+        for content, path in files:
+            if path.is_file():
+                aside = path.with_name(f".{secrets.token_hex(4)}{path.suffix}")
+                path.replace(aside)
+                kept.append((path, aside))
+            with atomic_path(path) as scratch:
+                if isinstance(content, Path):
+                    shutil.copyfile(content, scratch)
+                else:
+                    scratch.write_bytes(content)
+            new.append(path)
         yield
     except BaseException:
-        if before is None:
+        for path in new:
             path.unlink(missing_ok=True)
-        else:
-            _put(path, before)
+        for path, aside in kept:
+            aside.replace(path)
         raise
-
-
-def _put(path: Path, data: bytes) -> None:
-    with atomic_path(path) as scratch:
-        scratch.write_bytes(data)
+    for _, aside in kept:
+        aside.unlink(missing_ok=True)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from animeme.contracts import LineAnimation
 from animeme.curves import CurveSet
 from animeme.rig import Character, MeshShapes
+from animeme_stages.ingest.glb import unreadable
 from animeme_stages.ingest.gltf_data import Buffers
 from animeme_stages.ingest.gltf_document import marked
 
@@ -89,10 +90,15 @@ def carried(
             copies[index] = appended.floats(buffers.floats(index), bounds=bounds)
         return copies[index]
 
-    samplers = [
-        {**sampler, "input": moved(sampler["input"]), "output": moved(sampler["output"])}
-        for sampler in animation["samplers"]
-    ]
+    try:
+        samplers = [
+            {**sampler, "input": moved(sampler["input"]), "output": moved(sampler["output"])}
+            for sampler in animation["samplers"]
+        ]
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+        name = str(animation.get("name"))[:80]
+        problem = f"its animation '{name}', of an earlier run, is broken ({error})"
+        raise unreadable(buffers.container.path, problem) from error
     return {**animation, "samplers": samplers}
 
 

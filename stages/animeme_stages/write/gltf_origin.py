@@ -1,7 +1,7 @@
 """The source out of an output: what an output remembers of it, and how that is used.
 
-The buffer view of what we append carries a note of what was there before: how many elements each
-list had, what was replaced, how long JSON and binary chunk were, and a checksum of the whole. With
+The buffer view of what we append carries a note of what was there before: how long each
+list was, what was replaced, how long JSON and binary chunk were, and a checksum of the whole. With
 it an output gives its source back byte for byte, which `animeme strip` does; and a run upon an
 earlier output starts from the source again, so that files do not grow.
 """
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from animeme.errors import InputError
-from animeme_stages.ingest.glb import Chunk, Container, parse
+from animeme_stages.ingest.glb import Chunk, Container
 from animeme_stages.ingest.gltf_document import line_of, mark_of
 from animeme_stages.write.glb import checksum, stored
 from animeme_stages.write.json_splice import Splice
@@ -32,7 +32,8 @@ class Origin:
         json_bytes: length of its JSON as stored.
         nul_bytes: how many of these are NULs at the end, which some exporters pad with.
         bin_bytes: length of its binary chunk, None where there was none.
-        lengths: elements of each of `LISTS`, None where there was no such list.
+        lists: of each of `LISTS` the number of elements and `Splice.length`; None where there was
+            no such list.
         replaced: (list, index, member) → the JSON text that was there; the member is "" where the
             whole element was replaced.
         crc32: of the whole file.
@@ -41,7 +42,7 @@ class Origin:
     json_bytes: int
     nul_bytes: int
     bin_bytes: int | None
-    lengths: Mapping[str, int | None]
+    lists: Mapping[str, tuple[int, int] | None]
     replaced: Mapping[tuple[str, int, str], str]
     crc32: int
 
@@ -51,7 +52,7 @@ class Origin:
             "json_bytes": self.json_bytes,
             "nul_bytes": self.nul_bytes,
             "bin_bytes": self.bin_bytes,
-            "lengths": dict(self.lengths),
+            "lists": dict(self.lists),
             "replaced": [[*place, text] for place, text in self.replaced.items()],
             "crc32": self.crc32,
         }
@@ -63,7 +64,7 @@ class Origin:
             note["json_bytes"],
             note["nul_bytes"],
             note["bin_bytes"],
-            {name: note["lengths"][name] for name in LISTS},
+            {name: note["lists"][name] and tuple(note["lists"][name]) for name in LISTS},
             {(name, index, member): text for name, index, member, text in note["replaced"]},
             note["crc32"],
         )
@@ -97,9 +98,10 @@ def past_of(container: Container, *, verified: bool = True) -> Past | None:
             return None
         origin = Origin.from_json(note)
         source = _source(container, origin)
-        if verified and checksum(stored(source)) != origin.crc32:
+        if verified and (checksum(stored(source)) != origin.crc32 or not source.json):
             return None
-        ours = container.json["animations"][origin.lengths["animations"] or 0 :]
+        first, _ = origin.lists["animations"] or (0, 0)
+        ours = container.json["animations"][first:]
         replaced = [index for name, index, member in origin.replaced if name == "animations"]
         ours = [*(container.json["animations"][index] for index in replaced), *ours]
         sound = all(line_of(animation) for animation in ours)
@@ -112,8 +114,9 @@ def past_of(container: Container, *, verified: bool = True) -> Past | None:
 
 def our_lines(container: Container) -> list[str]:
     """Names of the lines whose animations of ours are in a file."""
-    animations = container.json.get("animations", [])
-    found = [line_of(a) for a in animations if isinstance(a, dict)]
+    animations = container.json.get("animations")
+    each = animations if isinstance(animations, list) else []
+    found = [line_of(animation) for animation in each if isinstance(animation, dict)]
     return [line[0] for line in found if line is not None]
 
 
@@ -138,14 +141,7 @@ def _source(container: Container, origin: Origin) -> Container:
             chunks = (*old, *chunks[1:])
         elif origin.bin_bytes is not None:
             raise ValueError("the binary chunk is gone")
-    return Container(
-        container.path,
-        text,
-        parse(container.path, text),
-        chunks,
-        container.binary,
-        origin.json_bytes,
-    )
+    return Container(container.path, text, chunks, container.binary, origin.json_bytes)
 
 
 def _shortened(chunk: Chunk, length: int | None) -> tuple[Chunk, ...]:
@@ -158,12 +154,15 @@ def _shortened(chunk: Chunk, length: int | None) -> tuple[Chunk, ...]:
 
 def _source_text(container: Container, origin: Origin) -> str:
     splice = Splice(container.text)
-    for name, length in origin.lengths.items():
-        if length is None:
-            splice.remove(name)
-        else:
-            splice.truncate(name, length)
+    longer = dict.fromkeys(LISTS, 0)  # by what was replaced within them
     for (name, index, member), text in origin.replaced.items():
         span = splice.elements(splice.members()[name][0])[index]
-        splice.replace_text(splice.members(span[0])[member] if member else span, text)
+        span = splice.members(span[0])[member] if member else span
+        longer[name] += span[1] - span[0] - len(text)
+        splice.replace_text(span, text)
+    for name, extent in origin.lists.items():
+        if extent is None:
+            splice.remove(name)
+        else:
+            splice.truncate(name, extent[1] + longer[name])
     return splice.apply()

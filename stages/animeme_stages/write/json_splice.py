@@ -29,7 +29,6 @@ class Splice:
     _appended: dict[str, list[str]] = field(default_factory=dict)  # top-level array → elements
     _added: dict[int, dict[str, str]] = field(default_factory=dict)  # object → new members
     _members: dict[int, dict[str, tuple[int, int]]] = field(default_factory=dict)
-    _elements: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
     _removed: list[str] = field(default_factory=list)  # top-level members
 
     def members(self, start: int = 0) -> dict[str, tuple[int, int]]:
@@ -51,11 +50,6 @@ class Splice:
 
     def elements(self, start: int) -> list[tuple[int, int]]:
         """Span of each element of the array at `start`."""
-        if start not in self._elements:
-            self._elements[start] = self._scan_elements(start)
-        return self._elements[start]
-
-    def _scan_elements(self, start: int) -> list[tuple[int, int]]:
         found: list[tuple[int, int]] = []
         at = self._skip(start + 1)
         while self.text[at] != "]":
@@ -72,15 +66,18 @@ class Splice:
         """Put JSON text in the place of a span."""
         self._replaced[span] = text
 
+    def length(self, key: str) -> int:
+        """Characters of the top-level array `key`, up to its closing bracket."""
+        start, end = self.members()[key]
+        return end - 1 - start
+
     def truncate(self, key: str, length: int) -> None:
-        """Take back what `append` added to the top-level array `key`, of `length` elements then."""
-        spans = self.elements(self.members()[key][0])
-        if not 0 <= length <= len(spans):
-            raise ValueError(f"{key} has {len(spans)} elements, not {length} or more")
-        if length < len(spans):
-            # From the comma that was added, or in an empty array from the first element.
-            start = self._skip(spans[length - 1][1]) if length else spans[0][0]
-            self.replace_text((start, spans[-1][1]), "")
+        """Take back what `append` added to the top-level array `key`, whose `length` this was."""
+        start, end = self.members()[key]
+        if not 0 < length <= self.length(key):
+            raise ValueError(f"{key} is shorter than it was")
+        if length < self.length(key):
+            self.replace_text((start + length, end - 1), "")
 
     def remove(self, key: str) -> None:
         """Take back the top-level array `key`, which `append` made, if it is there."""
@@ -108,7 +105,7 @@ class Splice:
         edits = [(start, end, new) for (start, end), new in self._replaced.items()]
         for key, values in self._appended.items():
             if span := self.members().get(key):
-                comma = "," if self.elements(span[0]) else ""
+                comma = "" if self.text[self._skip(span[0] + 1)] == "]" else ","
                 edits.append((span[1] - 1, span[1] - 1, comma + ",".join(values)))
         if self._removed:
             members = self.members()
