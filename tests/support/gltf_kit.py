@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from animeme.contracts import LineAnimation
-from animeme.curves import CurveSet
+from animeme.curves import CurveSet, Floats
+from animeme.rig import Character
 from animeme_stages.ingest.gltf_data import external_uris, local_file
 from animeme_stages.write.gltf import GltfFormat
 from support.gltf_build import (
@@ -181,6 +182,20 @@ def require_played(
         played.pop(node)
     assert played == {}
     assert driven == set(wanted)
+
+
+def require_agreement(
+    played: Mapping[str, Floats], ours: CurveSet, at_s: Floats, character: Character
+) -> None:
+    """A judge's weights per node are those of `ours`, on every mesh of the character."""
+    meshes = {mesh.path.rpartition("/")[2]: mesh for mesh in character.meshes}
+    assert {node.partition("/")[0] for node in played} == meshes.keys()
+    wanted = ours.sample(at_s)
+    for node, weights in played.items():
+        names = [character.canonical[shape] for shape in meshes[node.partition("/")[0]].shapes]
+        columns = [ours.names.index(name) for name in names]
+        np.testing.assert_allclose(weights, wanted[:, columns], atol=1e-4)
+        assert np.ptp(weights, axis=0).max() > 0.1
 
 
 def external_buffer(folder: Path, binary: bytes = TRIANGLE) -> Json:
