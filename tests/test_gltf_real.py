@@ -95,12 +95,12 @@ def test_ten_runs_upon_runs_are_as_one(source: Path, tmp_path: Path) -> None:
         for file in (once, over)
     ]
     assert abs(sizes[0] - sizes[1]) < 200  # names of folders and side-cars are in the JSON
-    assert document_of(once)["animations"] == [
-        {**a, "extras": b["extras"]}
-        for a, b in zip(
-            document_of(over)["animations"], document_of(once)["animations"], strict=True
-        )
-    ]
+    assert unmarked(once) == unmarked(over)
     FORMAT.strip(over, over)
     assert over.read_bytes() == source.read_bytes()
     shutil.rmtree(over.parent)
+
+
+def unmarked(path: Path) -> list[dict[str, object]]:
+    """Animations of a file without their extras, which name the file they were made from."""
+    return [a | {"extras": None} for a in document_of(path)["animations"]]

@@ -170,8 +170,10 @@ def require_played(
     wanted = dict(zip(curves.names, curves.sample(at).T, strict=True))
     played = reader.weights(name, at)
     driven = set()
+    # Targets without names may be called after a VRM's expressions.
+    loaded = {int(m.path.rpartition("/")[2]): m.shapes for m in FORMAT.load(reader.path).meshes}
     for node, (names, rest) in owners(document_of(reader.path)).items():
-        names = names or [f"target_{i}" for i in range(len(rest))]
+        names = names or [*loaded[node]]
         own = [canonical[n] for n in names]
         if not set(own) & set(wanted):
             assert node not in played
