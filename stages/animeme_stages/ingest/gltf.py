@@ -53,8 +53,14 @@ def _meshes(root: Mapping[str, Any]) -> list[MeshShapes]:
         name = str(node.get("name") or mesh.get("name") or f"node {index}")
         shapes = target_names(mesh, count)
         if shapes is None:
-            path = f"/nodes/{index}"
-            shapes = _distinct(tuple(bound.get((path, i), f"target_{i}") for i in range(count)))
+            shapes = _distinct(
+                tuple(
+                    bound.get((f"/nodes/{index}", i))
+                    or bound.get((f"/meshes/{node['mesh']}", i))
+                    or f"target_{i}"
+                    for i in range(count)
+                )
+            )
         found.append(MeshShapes(f"/nodes/{index}", name, shapes, tuple(float(w) for w in rest)))
     return found
 
@@ -79,12 +85,13 @@ def _distinct(names: tuple[str, ...]) -> tuple[str, ...]:
     """`names` with a number on every repetition, so that each target can be told apart."""
     taken = set(names)
     seen: set[str] = set()
+    numbers: dict[str, int] = {}  # last one given to a name, or many equal names take for ever
     result = []
     for name in names:
-        number, free = 1, name
+        free = name
         while free in seen or (free != name and free in taken):
-            number += 1
-            free = f"{name}#{number}"
+            numbers[name] = numbers.get(name, 1) + 1
+            free = f"{name}#{numbers[name]}"
         seen.add(free)
         result.append(free)
     return tuple(result)

@@ -16,7 +16,7 @@ from animeme.rig import Drive, MeshShapes, canonical_names
 _VOWELS_0 = {"a": "A", "i": "I", "u": "U", "e": "E", "o": "O"}
 _MALFORMED = (AttributeError, IndexError, KeyError, TypeError, ValueError)
 
-Bind = tuple[str, int, float]  # mesh path, target, weight
+Bind = tuple[str, int, float]  # node or mesh as a JSON pointer, target, weight
 
 
 def expressions(
@@ -30,20 +30,23 @@ def expressions(
     """
     canonical = canonical_names([mesh.shapes for mesh in meshes])
     by_path = {mesh.path: mesh for mesh in meshes}
+    for mesh in meshes:
+        node = root["nodes"][int(mesh.path.rpartition("/")[2])]
+        by_path.setdefault(f"/meshes/{node['mesh']}", mesh)
     found: dict[str, tuple[Drive, ...]] = {}
     for name, binds in _expressions(root):
         drives: dict[str, float] = {}
         for path, index, weight in binds:
-            mesh = by_path.get(path)
-            if mesh is not None and 0 <= index < len(mesh.shapes) and weight:
-                drives.setdefault(canonical[mesh.shapes[index]], weight)
+            owner = by_path.get(path)
+            if owner is not None and 0 <= index < len(owner.shapes) and weight:
+                drives.setdefault(canonical[owner.shapes[index]], weight)
         if drives and name not in found:
             found[name] = tuple(Drive(shape, gain) for shape, gain in drives.items())
     return found
 
 
 def bound_names(root: Mapping[str, Any]) -> dict[tuple[str, int], str]:
-    """Node path and target → the expression that says most about that target alone.
+    """Node or mesh, and target → the expression that says most about that target alone.
 
     Names for targets that have none.
     """
@@ -68,7 +71,7 @@ def _expressions(root: Mapping[str, Any]) -> Iterator[tuple[str, list[Bind]]]:
             if isinstance(group, dict) and group.get("isBinary") is not True:
                 preset = str(group.get("presetName", "unknown")).lower()
                 name = str(group.get("name", "")) if preset == "unknown" else preset
-                yield _VOWELS_0.get(name, name), list(_binds_0(group, root))
+                yield _VOWELS_0.get(name, name), list(_binds_0(group))
 
 
 def _binds_1(expression: Mapping[str, Any]) -> Iterator[Bind]:
@@ -77,12 +80,10 @@ def _binds_1(expression: Mapping[str, Any]) -> Iterator[Bind]:
             yield f"/nodes/{int(bind['node'])}", int(bind["index"]), _finite(bind["weight"])
 
 
-def _binds_0(group: Mapping[str, Any], root: Mapping[str, Any]) -> Iterator[Bind]:
+def _binds_0(group: Mapping[str, Any]) -> Iterator[Bind]:
     with suppress(*_MALFORMED):
         for bind in group.get("binds", []):
-            for number, node in enumerate(root["nodes"]):
-                if node.get("mesh") == int(bind["mesh"]):
-                    yield f"/nodes/{number}", int(bind["index"]), _finite(bind["weight"]) / 100
+            yield f"/meshes/{int(bind['mesh'])}", int(bind["index"]), _finite(bind["weight"]) / 100
 
 
 def _finite(value: Any) -> float:
