@@ -100,7 +100,7 @@ def past_of(container: Container, *, verified: bool = True) -> Past | None:
         source = _source(container, origin)
         if verified and (checksum(stored(source)) != origin.crc32 or not source.json):
             return None
-        first, _ = origin.lists["animations"] or (0, 0)
+        first = len(source.json.get("animations", []))  # the note may have been edited
         ours = container.json["animations"][first:]
         replaced = [index for name, index, member in origin.replaced if name == "animations"]
         ours = [*(container.json["animations"][index] for index in replaced), *ours]
