@@ -355,3 +355,26 @@ def load_character(path: str | Path) -> Character:
     """
     file = Path(path)
     return registry.format_of(file).load(file)
+
+
+def strip(path: str | Path, *, output: str | Path | None = None) -> tuple[str, ...]:
+    """Take animeme's animations out of an asset: what is left is its source, byte for byte.
+
+    Args:
+        path: a file that animeme wrote; its source is not needed.
+        output: where to write; None for `path` itself.
+
+    Returns:
+        Names of the animations that were taken out.
+
+    Raises:
+        InputError: nothing in it is ours, or it was edited since, so that its source cannot be
+            promised; nothing is written then.
+
+    Example:
+        >>> import animeme
+        >>> animeme.strip("out/sample/en/crab.glb", output="crab.glb")[:2]  # doctest: +SKIP
+        ('boat', 'count')
+    """
+    file = Path(path)
+    return registry.format_of(file).strip(file, Path(output) if output is not None else file)

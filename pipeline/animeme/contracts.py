@@ -303,6 +303,14 @@ class Format(Protocol):
         """
         ...
 
+    def for_layout(self, layout: str, character: Character) -> Format:
+        """The format that writes `character` in one of the job file's layouts.
+
+        Raises:
+            InputError: ``layout-unsupported``: this asset cannot have it; says why.
+        """
+        ...
+
     def companions(self, character: Character) -> Mapping[str, Path]:
         """Other files that `write` puts beside its target: path below its folder → their source.
 
@@ -361,6 +369,22 @@ class Format(Protocol):
 
     def read_animations(self, path: Path) -> dict[str, CurveSet]:
         """Weight curves of every animation in the file, by name, over canonical shape names."""
+        ...
+
+    def strip(self, path: Path, target: Path) -> tuple[str, ...]:
+        """Write the source of a file that `write` made to `target`, byte for byte.
+
+        Args:
+            path: the file.
+            target: where to write; may be `path`.
+
+        Returns:
+            Names of the animations that were taken out.
+
+        Raises:
+            InputError: nothing in it is ours, it was edited since, or the format has no need of
+                this; nothing is written then.
+        """
         ...
 
     def harm(self, character: Character, output: Path) -> list[str]:

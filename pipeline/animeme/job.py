@@ -22,7 +22,7 @@ from animeme.errors import InputError, JobError, PluginError, Problem
 from animeme.shaping import CurveOptions
 from animeme.timing import FrameRate
 
-Layout = Literal["per-character", "per-line"]
+Layout = Literal["per-character", "per-line", "animation-only", "vrma"]
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class CharacterJob:
         name: in the job.
         assets: its files, one per format.
         rig: "auto", a shipped profile's name, or a file relative to the job.
-        layout: one file per language, or one per line.
+        layout: one file per language, one per line, or per line a file of animation alone.
         model: its own, None for the job's.
         usdz: pack all languages of a USD asset into one file.
         asset_root: folder that the layers of a USD asset must be in; its own if None.

@@ -9,9 +9,8 @@ from functools import cached_property
 from pathlib import Path
 
 from animeme import registry
-from animeme.contracts import Format
 from animeme.dialogue import Line
-from animeme.job import Job, Layout
+from animeme.job import Job
 from animeme.tasks import AssemblyItem, AssetItem, LineItem, Target, alignment_path, speech_path
 
 REPORT_NAMES = ("report.json", "summary.md", "run.jsonl")
@@ -121,14 +120,14 @@ class Plan:
 
     def language_files(self, target: Target) -> list[tuple[str, Path]]:
         """Language and file of each file that holds all lines of a language."""
-        if self._layouts[target.character] != "per-character":
+        if target.layout != "per-character":
             return []
         return sorted({(li.language, self._file(target, li)) for li in self._lines_of(target)})
 
     def assembly_path(self, target: Target) -> Path | None:
         """Where a format that joins languages puts the joined file; None where there is none."""
-        suffix = self.format_of(target).assembly_suffix
-        if not suffix or self._layouts[target.character] != "per-character":
+        suffix = target.format.assembly_suffix
+        if not suffix or target.layout != "per-character":
             return None
         return self.job.output / f"{target.character}{suffix}"
 
@@ -143,7 +142,7 @@ class Plan:
         yield from (self.job.output / name for name in REPORT_NAMES)
         yield from self.possible_files()
         for target in self.targets:
-            beside = self.format_of(target).companions(target.asset)
+            beside = target.format.companions(target.asset)
             folders = {self._file(target, line).parent for line in self._lines_of(target)}
             yield from (folder / name for folder in sorted(folders) for name in beside)
 
@@ -167,17 +166,8 @@ class Plan:
 
     def _file(self, target: Target, line: Line) -> Path:
         """The file of `target` that holds `line`."""
-        suffix = self.format_of(target).output_suffix(target.asset.source)
+        suffix = target.format.output_suffix(target.asset.source)
         folder = self.job.output / line.language
-        if self._layouts[target.character] == "per-character":
+        if target.layout == "per-character":
             return folder / f"{target.character}{suffix}"
         return folder / target.character / f"{line.id}{suffix}"
-
-    @cached_property
-    def _layouts(self) -> dict[str, Layout]:
-        return {character.name: character.layout for character in self.job.characters}
-
-    @staticmethod
-    def format_of(target: Target) -> Format:
-        """The format of a target's asset."""
-        return registry.format_named(target.asset.format)

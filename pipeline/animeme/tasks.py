@@ -20,6 +20,7 @@ from animeme.contracts import (
     Alignment,
     Anchor,
     AssetSubject,
+    Format,
     LineAnimation,
     LineSubject,
     Model,
@@ -46,12 +47,20 @@ class Target:
         asset: what its format read.
         rig: its bound profile.
         model: the character's own, None for the job's.
+        layout: how its lines are laid out in files.
     """
 
     character: str
     asset: Character
     rig: BoundRig
     model: ModelChoice | None = None
+    layout: str = "per-character"
+
+    @property
+    def format(self) -> Format:
+        """The format that writes it."""
+        form = registry.format_named(self.asset.format)
+        return form.for_layout(self.layout, self.asset)
 
 
 @dataclass(frozen=True)
@@ -470,7 +479,7 @@ def write_asset(item: AssetItem) -> AssetOutcome:
     """Write one asset with its lines; it takes its place only if it passes its checks."""
     context = _context(item.spool)
     target = context.targets[item.target]
-    form = registry.format_named(target.asset.format)
+    form = target.format
     lines = _animations(item, target, context)
     findings: list[Finding] = []
 
@@ -496,7 +505,7 @@ def write_asset(item: AssetItem) -> AssetOutcome:
 def join_languages(item: AssemblyItem) -> AssetOutcome:
     """Write the file that joins one asset's languages, if it does no harm."""
     target = _context(item.spool).targets[item.target]
-    form = registry.format_named(target.asset.format)
+    form = target.format
     findings: list[Finding] = []
 
     def verify(path: Path) -> None:

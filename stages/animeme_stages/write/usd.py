@@ -11,6 +11,7 @@ from pxr import Sdf, Usd
 
 from animeme.contracts import LineAnimation, Verify, unverified
 from animeme.curves import CurveSet
+from animeme.errors import InputError
 from animeme.rig import Character
 from animeme_stages.ingest.usd import load_usd, open_stage, usd_errors
 from animeme_stages.write import usd_harm, usd_layer, usd_read
@@ -45,6 +46,21 @@ class UsdFormat:
             InputError: see `animeme_stages.ingest.usd.load_usd`.
         """
         return load_usd(path, within or path.parent)
+
+    def for_layout(self, layout: str, character: Character) -> UsdFormat:
+        """Itself, for the layouts that USD has.
+
+        Raises:
+            InputError: ``layout-unsupported``: it is one of glTF's.
+        """
+        if layout in ("per-character", "per-line"):
+            return self
+        raise InputError(
+            "layout-unsupported",
+            f"is USD, which has no layout '{layout}': its layers hold nothing but animation anyway",
+            place=str(character.source),
+            action='Use layout = "per-line", or make its glTF file a character of its own.',
+        )
 
     def companions(self, character: Character) -> dict[str, Path]:
         """None: a layer refers to its source where it is."""
@@ -114,6 +130,19 @@ class UsdFormat:
             InputError: ``asset-unreadable``; ``asset-animation-invalid``: weights do not fit.
         """
         return usd_read.read_animations(path)
+
+    def strip(self, path: Path, target: Path) -> tuple[str, ...]:
+        """Refuse: there is nothing to take out of a layer that is nothing but ours.
+
+        Raises:
+            InputError: always ``strip-layer``.
+        """
+        raise InputError(
+            "strip-layer",
+            "is a USD file: animeme writes layers of their own over a source that it never changes",
+            place=str(path),
+            action="Delete the layer; the source is as it was.",
+        )
 
     def harm(self, character: Character, output: Path) -> list[str]:
         """What `output` lost or changed of the character's source: one sentence each.
