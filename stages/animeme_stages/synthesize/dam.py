@@ -24,12 +24,13 @@ from animeme_stages.synthesize.dominance import Dominance2012
 from animeme_stages.synthesize.fitted import FittedModel, frames_of, spreads
 from animeme_stages.synthesize.fitting import weights_of
 from animeme_stages.synthesize.modes import Modes, find_modes
-from animeme_stages.synthesize.numbers import array_from, rounded
+from animeme_stages.synthesize.numbers import rounded
 from animeme_stages.synthesize.spoken import Ints, Spoken, legendre, spoken
 from animeme_stages.synthesize.trees import Forest, Growth, grow
 
-# Significant digits of a leaf, of which a phone adds up a hundred: the documents stay below 1 MB.
-LEAF_DIGITS = 4
+# Leaves are multiples of this part of their control's spread: documents stay below 1 MB, and the
+# sum of hundreds of them is off by less than a hundredth of the spread.
+LEAF_STEP = 5e-4
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ class DamOptions:
     method: Literal["projection", "em"] = "projection"
     hold_s: float = field(default=0.8, metadata={"low": 0.1, "high": 10})
     ridge: float = field(default=0.1, metadata={"low": 0, "high": 1e6})
-    rounds: int = field(default=150, metadata={"low": 0, "high": 2000})
-    depth: int = field(default=6, metadata={"low": 1, "high": 8})
+    rounds: int = field(default=400, metadata={"low": 0, "high": 2000})
+    depth: int = field(default=4, metadata={"low": 1, "high": 8})
     rate: float = field(default=0.08, metadata={"low": 0.001, "high": 1})
     leaf: int = field(default=15, metadata={"low": 1, "high": 10000})
     leaf_ridge: float = field(default=3.0, metadata={"low": 0, "high": 1e6})
@@ -133,7 +134,8 @@ class Dam(FittedModel):
         asked = number.reshape(forest.asked.shape) - (1 if len(used) and used[0] < 0 else 0)
         kept = [questions.questions[i] for i in used if i >= 0]
         self.questions_ = Questionnaire(kept, tuple(self.seen_))
-        self.forest_ = Forest(asked, rounded(forest.leaves * spread, LEAF_DIGITS))
+        step = rounded(spread * LEAF_STEP, 3)
+        self.forest_ = Forest(asked, forest.leaves * spread).in_steps(step)
 
     def _move(self, track: PhoneTrack, times_s: Floats) -> Floats:
         phones = spoken([track])
@@ -155,8 +157,7 @@ class Dam(FittedModel):
             found["modes"] = self.modes_.to_json()
         if self.options.modes == "context":
             found["questions"] = [question.to_json() for question in self.questions_.questions]
-            found["asked"] = self.forest_.asked.tolist()
-            found["leaves"] = self.forest_.leaves.tolist()
+            found |= self.forest_.to_json()
         return found
 
     def _from_json(self, learned: Mapping[str, Any]) -> None:
@@ -173,14 +174,7 @@ class Dam(FittedModel):
             seen = frozenset(self.seen_)
             questions = [Question.from_json(entry, seen) for entry in learned["questions"]]
             self.questions_ = Questionnaire(questions, tuple(self.seen_))
-            self.forest_ = self._forest(learned, len(questions))
-
-    def _forest(self, learned: Mapping[str, Any], questions: int) -> Forest:
-        options = self.options
-        size = 2**options.depth
-        asked = array_from(learned["asked"], (None, size - 1), "asked").astype(np.int64)
-        shape = (len(asked), size, options.degree + 1, len(self.controls_))
-        leaves = array_from(learned["leaves"], shape, "leaves")
-        if len(asked) and (asked.min() < -1 or asked.max() >= questions):
-            raise ValueError("a tree asks a question that is not listed")
-        return Forest(asked, leaves)
+            self.forest_ = Forest.from_json(
+                learned, depth=options.depth, shape=(options.degree + 1, controls),
+                questions=len(questions),
+            )  # fmt: skip
