@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import pickle
 import shutil
 import tempfile
 from dataclasses import replace
@@ -82,28 +81,36 @@ def label(track: PhoneTrack, phone: Phone) -> str:
     return f"{word}  {phone.symbol}"
 
 
+def fit(data: Path, head: Path, folder: Path) -> None:
+    """Write the models that are not shipped, unless they are there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    wanted = [m for m in MODELS if m not in SHIPPED and not (folder / f"{m}.json").exists()]
+    dataset = mapped(data, head) if wanted else None
+    for model in wanted:
+        assert dataset is not None
+        animeme.save_model(animeme.train(dataset, model, {}), folder / f"{model}.json")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
     parser.add_argument("head", type=Path)
     parser.add_argument("output", type=Path)
     parser.add_argument("--asset", type=Path, default=SAMPLE / "ada.glb", help="who speaks")
-    parser.add_argument("--tracks", type=Path, help="pickle of the dataset, made if absent")
+    parser.add_argument("--fitted", type=Path, help="folder of the fitted models, made if absent")
     arguments = parser.parse_args()
-    if arguments.tracks and arguments.tracks.exists():
-        dataset = pickle.loads(arguments.tracks.read_bytes())
-    else:
-        dataset = mapped(arguments.data, arguments.head)
-        if arguments.tracks:
-            arguments.tracks.write_bytes(pickle.dumps(dataset))
-    rows = []
     with tempfile.TemporaryDirectory() as name:
-        for model in MODELS:
-            file = None
-            if model not in SHIPPED:
-                file = Path(name) / f"{model}.json"
-                animeme.save_model(animeme.train(dataset, model, {}), file)
-            rows.append(row(arguments.asset, model, file, labelled=model == MODELS[-1]))
+        folder = arguments.fitted or Path(name)
+        fit(arguments.data, arguments.head, folder)
+        rows = [
+            row(
+                arguments.asset,
+                model,
+                None if model in SHIPPED else folder / f"{model}.json",
+                labelled=model == MODELS[-1],
+            )
+            for model in MODELS
+        ]
     picture = Image.new("RGB", (rows[0].width, sum(image.height for image in rows)))
     top = 0
     for image in rows:

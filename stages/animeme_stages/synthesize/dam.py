@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from typing import Any, ClassVar, Literal
 
@@ -27,10 +27,14 @@ from animeme_stages.synthesize.modes import Modes, find_modes
 from animeme_stages.synthesize.numbers import rounded
 from animeme_stages.synthesize.spoken import Ints, Spoken, legendre, spoken
 from animeme_stages.synthesize.trees import Forest, Growth, grow
+from animeme_stages.synthesize.trends import Trends, learn_trends
 
 # Leaves are multiples of this part of their control's spread: documents stay below 1 MB, and the
 # sum of hundreds of them is off by less than a hundredth of the spread.
 LEAF_STEP = 5e-4
+# The part of trends in the mean of both, and the penalty on their squares, in frames.
+TREND_SHARE = 0.4
+TREND_RIDGE = 30.0
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,7 @@ class Dam(FittedModel):
         modes_: of "affinity".
         questions_: of "context": what the trees ask.
         forest_: of "context".
+        trends_: of "context".
     """
 
     name: ClassVar[str] = "dam"
@@ -80,6 +85,7 @@ class Dam(FittedModel):
         self.modes_ = Modes((), (), np.zeros((0, 1)), ())
         self.questions_ = Questionnaire((), ())
         self.forest_ = Forest(np.zeros((0, 1), np.int64), np.zeros((0, 2, 1, 0)))
+        self.trends_ = Trends.none()
 
     @classmethod
     def default(cls) -> Dam:
@@ -114,20 +120,23 @@ class Dam(FittedModel):
     def _grow(
         self, phones: Spoken, unit: Ints, times_s: Floats, values: Floats, listener: Listener
     ) -> None:
-        """Let trees find what the phones' own animemes leave."""
+        """Let trees and trends find what the phones' own animemes leave, each on its own."""
         options, animemes = self.options, self.animemes_
         pairs = animemes.pairs(phones, unit, times_s)
         d, _ = animemes.dominance.value(pairs, animemes.sigma[0][unit[pairs.phone]])
         weight, _ = weights_of(d, pairs, normalise=animemes.normalise)
         questions = Questionnaire(possible_questions(phones), tuple(self.seen_))
         spread = spreads(values)
-        left = (values - animemes.move(phones, unit, times_s)) / spread
+        left = np.nan_to_num((values - animemes.move(phones, unit, times_s)) / spread, nan=0.0)
+        basis = legendre(pairs.local, options.degree, BEYOND)
+        trends = learn_trends(
+            pairs, weight, basis, phones, unit, len(self.seen_), left, TREND_RIDGE
+        )
         growth = Growth(
             options.rounds, options.depth, options.rate, options.leaf, options.leaf_ridge
         )
         forest = grow(
-            pairs, weight, legendre(pairs.local, options.degree, BEYOND),
-            questions.answers(phones), np.nan_to_num(left, nan=0.0), growth,
+            pairs, weight, basis, questions.answers(phones), left, growth,
             lambda part: listener("trees", part),
         )  # fmt: skip
         used, number = np.unique(forest.asked, return_inverse=True)
@@ -135,7 +144,10 @@ class Dam(FittedModel):
         kept = [questions.questions[i] for i in used if i >= 0]
         self.questions_ = Questionnaire(kept, tuple(self.seen_))
         step = rounded(spread * LEAF_STEP, 3)
-        self.forest_ = Forest(asked, forest.leaves * spread).in_steps(step)
+        leaves = (1.0 - TREND_SHARE) * forest.leaves * spread
+        self.forest_ = Forest(asked, leaves).in_steps(step)
+        effects = np.rint(TREND_SHARE * trends.effects * spread / step) * step
+        self.trends_ = replace(trends, effects=effects, step=step)
 
     def _move(self, track: PhoneTrack, times_s: Floats) -> Floats:
         phones = spoken([track])
@@ -149,6 +161,8 @@ class Dam(FittedModel):
             unit = self.rows(phones.symbols)
         if self.options.modes == "context":
             added = self.forest_.coefficients(self.questions_.answers(phones))
+            if len(self.trends_.effects):
+                added += self.trends_.coefficients(phones, unit)
         return self.animemes_.move(phones, unit, times_s, added)
 
     def _to_json(self) -> dict[str, Any]:
@@ -158,6 +172,8 @@ class Dam(FittedModel):
         if self.options.modes == "context":
             found["questions"] = [question.to_json() for question in self.questions_.questions]
             found |= self.forest_.to_json()
+            if len(self.trends_.effects):
+                found["trends"] = self.trends_.to_json()
         return found
 
     def _from_json(self, learned: Mapping[str, Any]) -> None:
@@ -178,3 +194,7 @@ class Dam(FittedModel):
                 learned, depth=options.depth, shape=(options.degree + 1, controls),
                 questions=len(questions),
             )  # fmt: skip
+            if "trends" in learned:  # later than the first documents of version 1
+                self.trends_ = Trends.from_json(
+                    learned["trends"], units, (options.degree + 1, controls)
+                )
