@@ -7,7 +7,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO := out/sample
 
-.PHONY: demo test test-all blender lint format schemas sample picture clean
+.PHONY: demo test test-all blender lint format schemas sample picture models-picture clean
 
 demo: $(VENV)/.demo
 	$(BIN)/animeme run sample_assets/job.toml --output $(DEMO)
@@ -44,6 +44,11 @@ sample: $(VENV)/.dev
 
 picture: $(VENV)/.dev
 	$(BIN)/python sample_assets/picture.py docs/ada-speaks.png
+
+# Fits the models that are not shipped, to the motion that `dam` was fitted to; takes minutes.
+models-picture: $(VENV)/.dev
+	PYTHONPATH=sample_assets $(BIN)/python tests/bench/models_picture.py \
+		../shared/data/grid-s1 ../shared/assets/ict docs/models-strip.png
 
 clean:
 	rm -rf $(VENV) .venv-blender out tests/node/node_modules
