@@ -15,6 +15,7 @@ from animeme.documents import suggestion
 from animeme.errors import JobError, Problem
 from animeme.findings import Severity
 from animeme.job import CharacterJob, Job, read_job
+from animeme.shaping import CurveOptions
 
 
 def folder_of(root: Path, files: Sequence[str]) -> Path:
@@ -214,10 +215,10 @@ def test_a_minimal_job_gets_every_default(tmp_path: Path) -> None:
         speak=False,
         aligner="pocketsphinx",
         lexicon=None,
+        voices=None,
         model="dam",
         model_file=None,
-        rate_hz=60.0,
-        max_error=0.002,
+        curves=CurveOptions(rate_hz=60.0, max_error=0.002),
         characters=(CharacterJob("ada", (tmp_path / "ada.glb",), "auto", "per-character"),),
     )
 
@@ -247,7 +248,7 @@ def test_every_setting_of_a_full_job_counts(tmp_path: Path) -> None:
     job = read_job(job_file(tmp_path, text, ["zoe.usda"]))
     assert job.name == "voll 😀"
     assert job.output == tmp_path / "build" / "out"
-    assert (job.rate_hz, job.max_error) == (30.0, 0.0)
+    assert (job.curves.rate_hz, job.curves.max_error) == (30.0, 0.0)
     assert job.characters == (
         CharacterJob("zoe", (tmp_path / "ada.glb", tmp_path / "zoe.usda"), "arkit", "per-line"),
         CharacterJob("Ada Löve", (tmp_path / "ada.glb",), "auto", "per-character"),

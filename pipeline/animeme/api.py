@@ -341,11 +341,17 @@ def load_model(name_or_file: str | Path) -> Model:
     return registry.load_model(str(name_or_file))
 
 
-def load_character(path: str | Path) -> Character:
+def load_character(path: str | Path, *, within: str | Path | None = None) -> Character:
     """The character in an asset: its meshes and their blendshapes.
 
+    Args:
+        path: the asset.
+        within: folder that the other files it is made of must be in; None for the asset's own. An
+            output of animeme refers to its source: there, the folder that holds both.
+
     Raises:
-        InputError: the file is damaged, of no known format, or has no blendshapes.
+        InputError: the file is damaged, of no known format, has no blendshapes, or refers to files
+            elsewhere.
 
     Example:
         >>> import animeme
@@ -354,7 +360,7 @@ def load_character(path: str | Path) -> Character:
         (8, True)
     """
     file = Path(path)
-    return registry.format_of(file).load(file)
+    return registry.format_of(file).load(file, within=_path(within))
 
 
 def strip(path: str | Path, *, output: str | Path | None = None) -> tuple[str, ...]:
