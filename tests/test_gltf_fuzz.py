@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import random
 import struct
@@ -85,7 +86,8 @@ def mutated_json(document: Json, chance: random.Random) -> str:
         elif kind == 2 and isinstance(item[key], int):
             item[key] += chance.choice((-1, 1, 4, 2**31, 10**12))
         else:
-            item[key] = chance.choice(NASTY)
+            # A copy: later mutations change what is in the document.
+            item[key] = copy.deepcopy(chance.choice(NASTY))
     text = json.dumps(document, ensure_ascii=chance.random() < 0.5)
     if chance.random() < 0.02:
         depth = chance.choice((200, 900, 5000, 100_000))

@@ -94,7 +94,7 @@ def test_ten_runs_upon_runs_are_as_one(source: Path, tmp_path: Path) -> None:
         sum(path.stat().st_size for path in file.parent.rglob("*") if path.is_file())
         for file in (once, over)
     ]
-    assert abs(sizes[0] - sizes[1]) < 200  # names of folders and side-cars are in the JSON
+    assert abs(sizes[0] - sizes[1]) < 400  # names of folders and side-cars are in the JSON
     assert unmarked(once) == unmarked(over)
     FORMAT.strip(over, over)
     assert over.read_bytes() == source.read_bytes()
