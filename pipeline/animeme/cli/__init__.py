@@ -29,6 +29,7 @@ _COMMANDS = {
     "schema": "Print the JSON Schema of a document.",
     "speak": "Speak a transcript, with exact timings, until an actor has recorded it.",
     "train": "Fit a model to speech with captured motion.",
+    "validate": "Judge delivered animation files, ours or not, against their recordings.",
     "voice": "Learn how each speaker sounds, to align with more certainty.",
 }
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from animeme.contracts import LineAnimation, Verify, unverified
 from animeme.curves import CurveSet
+from animeme.delivery import StoredTrack
 from animeme.errors import InputError
 from animeme.files import atomic_path
 from animeme.rig import Character, MeshShapes
@@ -27,6 +28,7 @@ from animeme_stages.ingest.glb import Chunk, Container, open_container
 from animeme_stages.ingest.gltf import load_gltf
 from animeme_stages.ingest.gltf_data import external_uris, local_file, weight_animations
 from animeme_stages.ingest.gltf_document import mark_of, marked
+from animeme_stages.ingest.gltf_stored import stored
 from animeme_stages.write.gltf_files import companions, side_car_name
 from animeme_stages.write.gltf_harm import harm
 from animeme_stages.write.json_splice import Splice
@@ -133,6 +135,10 @@ class GltfFormat:
     def read_animations(self, path: Path) -> dict[str, CurveSet]:
         """Weight curves of every linear animation in the file."""
         return weight_animations(open_container(path), load_gltf(path))
+
+    def stored(self, character: Character) -> tuple[StoredTrack, ...]:
+        """Weights as they are stored; see `animeme.delivery.StoredReader`."""
+        return stored(character)
 
     def harm(self, character: Character, output: Path) -> list[str]:
         """What `output` lost or changed of the source; see `animeme.contracts.Format`."""

@@ -11,8 +11,10 @@ from pxr import Sdf, Usd
 
 from animeme.contracts import LineAnimation, Verify, unverified
 from animeme.curves import CurveSet
+from animeme.delivery import StoredTrack
 from animeme.rig import Character
 from animeme_stages.ingest.usd import load_usd, open_stage, usd_errors
+from animeme_stages.ingest.usd_stored import stored
 from animeme_stages.write import usd_harm, usd_layer, usd_read
 from animeme_stages.write.usd_plan import Host, plan
 
@@ -108,6 +110,10 @@ class UsdFormat:
             InputError: ``asset-unreadable``; ``asset-animation-invalid``: weights do not fit.
         """
         return usd_read.read_animations(path)
+
+    def stored(self, character: Character) -> tuple[StoredTrack, ...]:
+        """Weights as they are stored; see `animeme.delivery.StoredReader`."""
+        return stored(character)
 
     def harm(self, character: Character, output: Path) -> list[str]:
         """What `output` lost or changed of the character's source: one sentence each.
