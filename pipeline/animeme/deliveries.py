@@ -49,8 +49,12 @@ def read_deliveries(
     """
     files = find_files(paths)
     sources = [] if against is None else [file for file, _ in find_files([against])]
+    delivered = {file.resolve() for file, _ in files}
+    sources = [file for file in sources if file.resolve() not in delivered]
     stems = {file.stem for file, _ in files}
-    takes = {} if dialogue is None else _takes(dialogue, stems, language, aligner, lexicon)
+    takes = {}
+    if dialogue is not None:
+        takes = read_takes(dialogue, stems, language, aligner, lexicon)
     found, unread = [], []
     for file, named in files:
         delivery = _delivery(file, _source_of(file, sources), rig)
@@ -110,13 +114,25 @@ def _source_of(file: Path, sources: Sequence[Path]) -> Path | None:
     return sources[0] if len(sources) == 1 else None
 
 
-def _takes(
+def read_takes(
     dialogue: Path,
     stems: Iterable[str],
     language: str | None,
-    aligner: str,
-    lexicon: Path | None,
+    aligner: str = "pocketsphinx",
+    lexicon: Path | None = None,
 ) -> dict[str, Take]:
+    """The lines of a dialogue folder by key.
+
+    Args:
+        dialogue: ``<language>/[character/]<line>.<audio>``, or any folder in one `language`.
+        stems: names of the characters' files, which are those of their folders.
+        language: BCP-47 tag of the whole folder; None for that of each folder.
+        aligner: a registered aligner.
+        lexicon: pronunciations that go before the aligner's own.
+
+    Raises:
+        InputError: there are no lines, or their language is not clear or not known.
+    """
     if not dialogue.is_dir():
         raise InputError(
             "dialogue-missing", "there is no such folder", place=str(dialogue),

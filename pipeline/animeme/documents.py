@@ -410,7 +410,7 @@ Reason = Annotated[str, Field(min_length=8)]
 class CheckProfileDocument(Document):
     """What delivered files are judged by; see docs/checks.md for names of checks and codes."""
 
-    schema_: Literal["animeme.check-profile/1"] = Field("animeme.check-profile/1", alias="schema")
+    schema_: Literal["animeme.check-profile/1"] = Field(alias="schema")
     title: str = Field("", description="What it is for.")
     extends: str = Field(
         "", description="A profile, or a file beside this one, that it builds upon."

@@ -38,7 +38,7 @@ class Articulation:
         ),
     }
     limits: ClassVar[Mapping[str, LimitSpec]] = {
-        "likeness": LimitSpec(0.3, "least correlation of the opening with that of the phones"),
+        "likeness": LimitSpec(0.2, "least correlation of the opening with that of the phones"),
         "least_phones": LimitSpec(8.0, "fewest phones that are judged"),
     }
 

@@ -35,4 +35,4 @@ class SourceKept:
         if delivery.source is None or delivery.format is None:
             raise Skip("no source is known: --against names it")
         for problem in delivery.format.harm(delivery.source, delivery.path):
-            yield complain("source-changed", problem)
+            yield complain("source-changed", problem.rstrip("."))

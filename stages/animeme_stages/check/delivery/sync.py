@@ -77,7 +77,7 @@ class Sync:
 
         def doubted(found: tuple[float, float]) -> bool:
             lag_s, likeness = found
-            return likeness < limits["likeness"] or abs(lag_s) > limits["lag_s"] + 1e-9
+            return bool(likeness < limits["likeness"] or abs(lag_s) > limits["lag_s"] + 1e-9)
 
         found = lag_of(moved, without_posture(expected[: len(at_s)]), limits["most_s"])
         if doubted(found):
