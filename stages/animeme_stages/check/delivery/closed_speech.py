@@ -32,7 +32,7 @@ class ClosedSpeech:
     }
     limits: ClassVar[Mapping[str, LimitSpec]] = {
         "closed": LimitSpec(0.02, "opening that is shut"),
-        "least_s": LimitSpec(0.45, "shortest stretch that is judged, seconds"),
+        "least_s": LimitSpec(0.6, "shortest stretch that is judged, seconds"),
     }
 
     def run(self, performance: Performance, limits: Mapping[str, Any]) -> Iterable[Complaint]:

@@ -56,7 +56,7 @@ class Sync:
             0.06, "largest lag, either way, seconds; 98 % of captured lines have less"
         ),
         "likeness": LimitSpec(
-            0.5, "least correlation of opening and sound; 99 % of captured lines have more"
+            0.45, "least correlation of opening and sound; 99 % of captured lines have more"
         ),
         "most_s": LimitSpec(0.4, "largest lag that is looked for, seconds"),
         "least_s": LimitSpec(0.8, "least speech that can be judged, seconds"),
