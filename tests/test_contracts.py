@@ -52,6 +52,8 @@ def test_checks(subject: str) -> None:
 
 
 def test_no_two_checks_share_an_id() -> None:
-    ids = [check.id for subject in ("line", "asset", *SUBJECTS) for check in registry.checks(subject)]
+    ids = [
+        check.id for subject in ("line", "asset", *SUBJECTS) for check in registry.checks(subject)
+    ]
     assert len(set(ids)) == len(ids)
     assert set(ids) == set(registry.plugins(registry.CHECKS))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from animeme import registry
 from animeme.curves import CurveSet
 from animeme.errors import InputError, JobError, PluginError
 from animeme.findings import Severity
@@ -143,6 +144,7 @@ def test_damaged_files(sound: Path, tmp_path: Path, code: str) -> None:
             glb(face(meshes=[{"primitives": [{"attributes": {}}]}])),
             "asset-no-blendshapes",
         ),
+        ("ada.usda", b'#usda 1.0\n(\n  doc = "\xa2" !\n', "asset-unreadable"),
         ("ada.fbx", b"Kaydara FBX Binary", "asset-unusable"),
     ],
 )
@@ -313,6 +315,22 @@ def test_a_check_that_fails_fails_no_asset(sound: Path, monkeypatch: pytest.Monk
     assert "file-size" in finding.message
     assert "ZeroDivisionError" in finding.message
     assert report.files[0].status == "ok"
+    assert report.exit_code == 0
+
+
+def test_a_reader_that_fails_stops_nobody(
+    sound: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(path: Path) -> Any:
+        raise ZeroDivisionError(path.name)
+
+    form = registry.format_of(Path("a.usdc"))
+    monkeypatch.setattr(form, "load", broken, raising=False)
+    report = validate([sound / "en"])
+    (finding,) = report.all_findings
+    assert (finding.code, finding.ours, Path(finding.file).name) == (
+        "reader-failed", True, "ada.usdc",
+    )  # fmt: skip
     assert report.exit_code == 0
 
 

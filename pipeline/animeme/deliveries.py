@@ -29,6 +29,7 @@ from animeme.tasks import Means, align_speech
 
 # A character whose file has no face is no delivery of ours to judge; a file that was named is.
 NO_FACE = "asset-no-blendshapes"
+READER_FAILED = "reader-failed"
 
 
 def read_deliveries(
@@ -165,6 +166,10 @@ def _delivery(path: Path, source: Path | None, rig: str) -> Delivery:
         original = None if source is None else registry.format_of(source).load(source)
     except InputError as error:
         return Delivery(path, size, form, error=error)
+    except Exception as error:  # noqa: BLE001  a reader's fault must not end the others' judging
+        said = f"its reader failed: {type(error).__name__}: {error}"
+        failed = InputError(READER_FAILED, said, place=str(path), action="Please report it.")
+        return Delivery(path, size, form, error=failed)
     bound, why = _bound(rig, character)
     if not isinstance(form, StoredReader):
         tracks = tuple(_as_stored(form, path))

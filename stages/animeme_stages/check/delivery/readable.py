@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from animeme.delivery import Code, Complaint, Delivery, LimitSpec, complain
@@ -36,14 +37,22 @@ class Readable:
             "The file can be opened, but not animated.",
             "Export it anew.",
         ),
+        "reader-failed": Code(
+            Severity.WARNING,
+            "Whatever reads such files failed by its own fault.",
+            "Please report it; the file may be sound.",
+        ),
     }
     limits: ClassVar[Mapping[str, LimitSpec]] = {}
 
     def run(self, delivery: Delivery, limits: Mapping[str, Any]) -> Iterable[Complaint]:
         """Complain if the file was not understood."""
         error = delivery.error
-        if error is not None:
-            code = error.code if error.code in self.codes else "asset-unusable"
-            yield complain(
-                code, f"{error.problem} [{error.code}]" if code != error.code else error.problem
-            )
+        if error is None:
+            return
+        if error.code in self.codes:
+            found = complain(error.code, error.problem)
+            # A reader that fails by its own fault says so; the file may be sound.
+            yield replace(found, ours=error.code == "reader-failed")
+        else:
+            yield complain("asset-unusable", f"{error.problem} [{error.code}]")
