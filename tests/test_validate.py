@@ -252,7 +252,7 @@ AGAINST_AUDIO: dict[str, Curves] = {
     "animation-short": lambda c: CurveSet(*_cut(c, 0.6)),
     "animation-long": lambda c: CurveSet(*_cut(c, 1.6)),
     "sync-lag": moved(0.15),
-    "sync-unrelated": opening(lambda t, _: 0.3 - 0.3 * np.cos(2 * np.pi * 4 * t)),
+    "sync-unrelated": opening(lambda t, _: np.random.default_rng(0).uniform(0, 1, len(t))),
     "articulation-unrelated": opening(lambda t, _: t / t[-1]),
     "bilabials-open": opening(lambda t, jaw: 0.3 + 0.4 * jaw),
     "delivery-flat": opening(lambda t, jaw: jaw * 0.05),
