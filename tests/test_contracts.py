@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from animeme import registry, testing
+from animeme.delivery import SUBJECTS
 from animeme.errors import InputError
 from animeme_stages.ingest.audio import read_speech
 from conftest import SAMPLE
@@ -42,7 +43,7 @@ def test_formats(asset: str, tmp_path: Path) -> None:
     testing.check_format(registry.format_of(path), path, tmp_path)
 
 
-@pytest.mark.parametrize("subject", ["line", "asset"])
+@pytest.mark.parametrize("subject", ["line", "asset", *SUBJECTS])
 def test_checks(subject: str) -> None:
     found = registry.checks(subject)
     assert found
@@ -51,6 +52,8 @@ def test_checks(subject: str) -> None:
 
 
 def test_no_two_checks_share_an_id() -> None:
-    ids = [check.id for subject in ("line", "asset") for check in registry.checks(subject)]
+    ids = [
+        check.id for subject in ("line", "asset", *SUBJECTS) for check in registry.checks(subject)
+    ]
     assert len(set(ids)) == len(ids)
     assert set(ids) == set(registry.plugins(registry.CHECKS))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Protocol, Self, runtime_checkable
+from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -433,6 +433,8 @@ class AssetSubject:
 class Check(Protocol):
     """Judges one line's curves or one written asset.
 
+    Those of delivered files are asked more: `animeme.delivery.DeliveryCheck`.
+
     Attributes:
         id: permanent and unique.
         subject: what `run` is given.
@@ -440,7 +442,7 @@ class Check(Protocol):
     """
 
     id: ClassVar[str]
-    subject: ClassVar[Literal["line", "asset"]]
+    subject: ClassVar[str]
     rationale: ClassVar[str]
 
     def run(self, subject: Any) -> Iterable[Finding]:

@@ -67,3 +67,12 @@ def sha256(path: Path) -> str:
     """Hexadecimal SHA-256 of a file's content."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def anywhere(asset: Path) -> Path:
+    """The folder that all of an asset's files may be in, where somebody only looks at it.
+
+    What animeme writes refers to its source, which lies elsewhere. A run, which delivers files,
+    is stricter.
+    """
+    return Path(asset.absolute().anchor)

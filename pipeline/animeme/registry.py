@@ -1,7 +1,8 @@
 """Plug-ins: found through entry points, loaded when first used.
 
 Groups: ``animeme.models``, ``animeme.formats``, ``animeme.aligners``, ``animeme.checks``,
-``animeme.stages`` (the steps between them) and ``animeme.reports``. The name of the entry point is
+``animeme.stages`` (the steps between them), ``animeme.profiles`` (of checks: functions that give
+their files) and ``animeme.reports``. The name of the entry point is
 the name that jobs and command lines use.
 """
 
@@ -24,8 +25,9 @@ FORMATS = "animeme.formats"
 ALIGNERS = "animeme.aligners"
 CHECKS = "animeme.checks"
 STAGES = "animeme.stages"
+PROFILES = "animeme.profiles"
 REPORTS = "animeme.reports"
-GROUPS = (MODELS, FORMATS, ALIGNERS, CHECKS, STAGES, REPORTS)
+GROUPS = (MODELS, FORMATS, ALIGNERS, CHECKS, STAGES, PROFILES, REPORTS)
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,7 @@ def format_of(path: Path) -> Format:
 
 @cache
 def checks(subject: str) -> tuple[Check, ...]:
-    """The checks of one kind of subject ("line" or "asset"), sorted by id."""
+    """The checks of one kind of subject ("line", "asset", or one of a delivery's)."""
     made: list[Check] = [plugin.load()() for plugin in plugins(CHECKS).values()]
     return tuple(sorted((c for c in made if c.subject == subject), key=lambda check: check.id))
 

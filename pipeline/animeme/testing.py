@@ -15,15 +15,18 @@ from __future__ import annotations
 import hashlib
 import json
 import pickle
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
 from animeme.contracts import Aligner, Check, Format, LineAnimation, Model, Speech
 from animeme.curves import CurveSet
 from animeme.dataset import CapturedLine, Dataset
+from animeme.delivery import SUBJECTS, DeliveryCheck
 from animeme.errors import InputError
 from animeme.phones import ARPABET, SILENCE, Phone, PhoneTrack, contiguous
 
@@ -218,7 +221,19 @@ def _digest(path: Path) -> str:
 
 
 def check_check(check: Check) -> None:
-    """A check says what it is: a permanent id, its subject, and why it matters."""
+    """A check says what it is: a permanent id, its subject, and why it matters.
+
+    One of deliveries also says what it may find, by which thresholds, and where these come from.
+    """
     assert check.id == check.id.lower().strip(), "an id is lower case"
-    assert check.subject in ("line", "asset"), "a check judges a line or an asset"
+    assert check.subject in ("line", "asset", *SUBJECTS), "a check judges a line or an asset"
     assert len(check.rationale) > 20, "a check must say why it matters"
+    if check.subject in SUBJECTS:
+        judge = cast(DeliveryCheck, check)
+        assert judge.codes, "a check must say what it may find"
+        for code, entry in judge.codes.items():
+            assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", code), "words-with-hyphens"
+            for text in (entry.meaning, entry.action):
+                assert text.endswith("."), "meaning and action are sentences"
+        assert len(judge.source) > 10, "a check must say where its thresholds come from"
+        assert all(spec.meaning for spec in judge.limits.values()), "a limit must say what it is"

@@ -30,6 +30,7 @@ _COMMANDS = {
     "speak": "Speak a transcript, with exact timings, until an actor has recorded it.",
     "strip": "Take animeme's animations out of an asset: its source, byte for byte.",
     "train": "Fit a model to speech with captured motion.",
+    "validate": "Judge delivered animation files, ours or not, against their recordings.",
     "voice": "Learn how each speaker sounds, to align with more certainty.",
 }
 

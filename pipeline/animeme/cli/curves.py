@@ -12,10 +12,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from animeme import registry
-from animeme.cli import options as shared
 from animeme.curves import CurveSet, drop_still
 from animeme.documents import suggestion
 from animeme.errors import InputError
+from animeme.files import anywhere
 from animeme.rig import BoundRig
 from animeme.timing import FrameRate
 
@@ -119,7 +119,7 @@ def export(
 def _animations(asset: Path) -> dict[str, CurveSet]:
     """Every animation's curves that leave the rest pose."""
     form = registry.format_of(asset)
-    rest = form.load(asset, within=shared.anywhere(asset)).rest_weights()
+    rest = form.load(asset, within=anywhere(asset)).rest_weights()
     found = form.read_animations(asset)
     return {name: drop_still([curves], rest, [])[0] for name, curves in found.items()}
 
@@ -150,7 +150,7 @@ def _on_frames(curves: CurveSet, rate: FrameRate) -> CurveSet:
 def _bound(asset: Path, rig: str) -> BoundRig | None:
     """The rig; None if it is of no known family, for then shapes go by their own names."""
     try:
-        character = registry.format_of(asset).load(asset, within=shared.anywhere(asset))
+        character = registry.format_of(asset).load(asset, within=anywhere(asset))
         bound: BoundRig = registry.stage("bind-rig")(rig, character, Path())
     except InputError as error:
         if error.code != "rig-unknown":

@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
-from animeme.contracts import LineSubject
-from animeme.curves import Floats
-from animeme.rig import Drive
+from animeme.curves import CurveSet, Floats
+from animeme.rig import BoundRig, Drive
 
 
-def opening(subject: LineSubject) -> Floats | None:
+class Moving(Protocol):
+    """A rig, and what its shapes do."""
+
+    @property
+    def rig(self) -> BoundRig:
+        """The bound rig."""
+        ...
+
+    @property
+    def shapes(self) -> CurveSet:
+        """Weights of its shapes."""
+        ...
+
+
+def opening(subject: Moving) -> Floats | None:
     """Opening of the mouth at each key, in units of the control ``jawOpen``, shape (T,).
 
     What the shapes driven by ``jawOpen`` add to it, less what those driven by ``mouthClose`` take
@@ -29,7 +44,7 @@ def opening(subject: LineSubject) -> Floats | None:
     return opened - np.asarray(subject.shapes.curve(closing.shape) / closing.gain)
 
 
-def _main_drive(subject: LineSubject, control: str) -> Drive | None:
+def _main_drive(subject: Moving, control: str) -> Drive | None:
     """The shape that a control drives most."""
     drives = subject.rig.profile.drives.get(control, ())
     drive = max(drives, key=lambda entry: abs(entry.gain), default=None)
@@ -38,7 +53,7 @@ def _main_drive(subject: LineSubject, control: str) -> Drive | None:
     return drive
 
 
-def _of_poses(subject: LineSubject) -> Floats | None:
+def _of_poses(subject: Moving) -> Floats | None:
     """The opening that the weights of poses come to."""
     poses = [shape for shape, pose in subject.rig.profile.poses.items() if pose]
     parts = [subject.rig.binds.get(shape, (Drive(shape),)) for shape in poses]

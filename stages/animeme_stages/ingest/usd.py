@@ -59,8 +59,11 @@ def _reason(error: Any) -> str:
     """The first of the messages in a pxr exception, without source positions."""
     if isinstance(error, UnicodeDecodeError):
         return "a name in it is not UTF-8"
-    messages = [getattr(argument, "commentary", str(argument)) for argument in error.args]
-    return " ".join((messages or [str(error)])[0].split()).rstrip(".")
+    try:
+        messages = [getattr(argument, "commentary", str(argument)) for argument in error.args]
+        return " ".join((messages or [str(error)])[0].split()).rstrip(".")
+    except UnicodeDecodeError:  # the message quotes what is damaged
+        return "it has text that is not UTF-8"
 
 
 def open_stage(path: Path) -> Usd.Stage:

@@ -14,6 +14,7 @@ from urllib.parse import quote
 
 from animeme.contracts import Format, LineAnimation, Verify, unverified
 from animeme.curves import CurveSet
+from animeme.delivery import StoredTrack
 from animeme.errors import InputError
 from animeme.files import atomic_path
 from animeme.rig import Character
@@ -21,6 +22,7 @@ from animeme_stages.ingest.glb import Container, open_container, unreadable
 from animeme_stages.ingest.gltf import load_gltf
 from animeme_stages.ingest.gltf_data import Buffers, external_uris, local_file, weight_animations
 from animeme_stages.ingest.gltf_document import line_of, mark_of, marked
+from animeme_stages.ingest.gltf_stored import stored
 from animeme_stages.write.glb import checksum_of, restore, write_glb
 from animeme_stages.write.gltf_clip import GltfClip, all_ours
 from animeme_stages.write.gltf_files import companions, owners, placed, side_car_name
@@ -127,6 +129,10 @@ class GltfFormat:
     def read_animations(self, path: Path) -> dict[str, CurveSet]:
         """Weight curves of every linear animation in the file."""
         return weight_animations(open_container(path), load_gltf(path))
+
+    def stored(self, character: Character) -> tuple[StoredTrack, ...]:
+        """Weights as they are stored; see `animeme.delivery.StoredReader`."""
+        return stored(character)
 
     def harm(self, character: Character, output: Path) -> list[str]:
         """What `output` lost or changed of the source; see `animeme.contracts.Format`."""

@@ -11,9 +11,11 @@ from pxr import Sdf, Usd
 
 from animeme.contracts import LineAnimation, Verify, unverified
 from animeme.curves import CurveSet
+from animeme.delivery import StoredTrack
 from animeme.errors import InputError
 from animeme.rig import Character
 from animeme_stages.ingest.usd import load_usd, open_stage, usd_errors
+from animeme_stages.ingest.usd_stored import stored
 from animeme_stages.write import usd_harm, usd_layer, usd_read
 from animeme_stages.write.usd_plan import Host, plan
 
@@ -143,6 +145,10 @@ class UsdFormat:
             place=str(path),
             action="Delete the layer; the source is as it was.",
         )
+
+    def stored(self, character: Character) -> tuple[StoredTrack, ...]:
+        """Weights as they are stored; see `animeme.delivery.StoredReader`."""
+        return stored(character)
 
     def harm(self, character: Character, output: Path) -> list[str]:
         """What `output` lost or changed of the character's source: one sentence each.

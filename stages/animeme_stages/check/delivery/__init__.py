@@ -1,0 +1,1 @@
+"""Judging what somebody delivered, one check per file."""
