@@ -24,6 +24,7 @@ from animeme.delivery import (
 )
 from animeme.dialogue import Line, find_lines
 from animeme.errors import InputError
+from animeme.files import anywhere
 from animeme.rig import BoundRig, Character
 from animeme.tasks import Means, align_speech
 
