@@ -14,7 +14,9 @@ from animeme.dialogue import Line, find_lines
 from animeme.documents import suggestion
 from animeme.errors import JobError, Problem
 from animeme.findings import Severity
+from animeme.gathering import DialogueSource
 from animeme.job import CharacterJob, Job, read_job
+from animeme.shaping import CurveOptions
 
 
 def folder_of(root: Path, files: Sequence[str]) -> Path:
@@ -210,14 +212,14 @@ def test_a_minimal_job_gets_every_default(tmp_path: Path) -> None:
         name="sample",
         source=path,
         output=tmp_path / "out",
-        dialogue_root=tmp_path / "dialogue",
+        dialogue=DialogueSource(tmp_path / "dialogue"),
         speak=False,
         aligner="pocketsphinx",
         lexicon=None,
+        voices=None,
         model="dam",
         model_file=None,
-        rate_hz=60.0,
-        max_error=0.002,
+        curves=CurveOptions(60.0, 0.002),
         characters=(CharacterJob("ada", (tmp_path / "ada.glb",), "auto", "per-character"),),
     )
 
@@ -247,7 +249,7 @@ def test_every_setting_of_a_full_job_counts(tmp_path: Path) -> None:
     job = read_job(job_file(tmp_path, text, ["zoe.usda"]))
     assert job.name == "voll 😀"
     assert job.output == tmp_path / "build" / "out"
-    assert (job.rate_hz, job.max_error) == (30.0, 0.0)
+    assert (job.curves.rate_hz, job.curves.max_error) == (30.0, 0.0)
     assert job.characters == (
         CharacterJob("zoe", (tmp_path / "ada.glb", tmp_path / "zoe.usda"), "arkit", "per-line"),
         CharacterJob("Ada Löve", (tmp_path / "ada.glb",), "auto", "per-character"),
@@ -262,7 +264,7 @@ def test_the_caller_may_choose_the_output(tmp_path: Path) -> None:
 def test_absolute_paths_stay(tmp_path: Path) -> None:
     elsewhere = folder_of(tmp_path / "else", ["en/a.wav"])
     text = MINIMAL.replace('"dialogue"', json.dumps(str(elsewhere)))
-    assert read_job(job_file(tmp_path / "job", text)).dialogue_root == elsewhere
+    assert read_job(job_file(tmp_path / "job", text)).dialogue.root == elsewhere
 
 
 def test_paths_are_relative_to_the_job_and_not_to_the_caller(
@@ -271,7 +273,7 @@ def test_paths_are_relative_to_the_job_and_not_to_the_caller(
     job_file(tmp_path / "job")
     monkeypatch.chdir(tmp_path)
     job = read_job(Path("job/job.toml"))
-    assert job.dialogue_root == Path("job/dialogue")
+    assert job.dialogue.root == Path("job/dialogue")
     assert job.characters[0].assets == (Path("job/ada.glb"),)
 
 
@@ -296,7 +298,12 @@ PROBLEMS: dict[str, tuple[str, str, str, str]] = {
         "characters.ada.rigg",
         "Did you mean 'rig'?",
     ),
-    "far off": ('root = "', 'xyzzy = 1\nroot = "', "dialogue.xyzzy", "Known: root, speak."),
+    "far off": (
+        'root = "',
+        'xyzzy = 1\nroot = "',
+        "dialogue.xyzzy",
+        "Known: columns, language, manifest, preset, root, ",
+    ),
     "no folder": ('"dialogue"', '"dialog"', "dialogue.root", "Paths start at the job file."),
     "no asset": ('"ada.glb"', '"eva.glb"', "characters.ada.asset", "Paths start at the job file."),
     "unknown format": (

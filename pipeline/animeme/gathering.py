@@ -91,12 +91,12 @@ def gather(
         listing = Listing(source.root, source.language, translations)
         lines = listing.lines(manifests)
         findings += listing.findings
-        if characters is not None:
-            lines, strangers = _known(lines, names)
-            findings += strangers
         folder = folder or _common_folder(lines)
         if folder is not None:
             findings += _surplus(folder, lines, without)
+        if characters is not None:
+            lines, strangers = _known(lines, names)
+            findings += strangers
     elif source.root is None:
         lines = ()
     elif source.preset == "prefix" or source.preset == "suffix":

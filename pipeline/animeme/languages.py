@@ -57,7 +57,7 @@ def find_tag(name: str) -> str | None:
     parts = [part for part in _SIGNS.split(spelt) if part]
     if not parts:
         return None
-    if len(parts) == 1 and re.fullmatch(r"[a-z]{4}", whole) and whole[:2] in names:
+    if len(parts) == 1 and len(whole) == 4 and whole[:2] in names and whole[2:] in regions:
         parts = [whole[:2], whole[2:]]  # ptbr
     region = regions.get("".join(parts[1:]))
     if region is not None and names.get(parts[0], "-").isalpha():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
@@ -46,11 +46,15 @@ class Listing:
 
     def _lines_of(self, manifest: Manifest) -> Iterator[Line]:
         named = self._named(manifest)
-        several = len({row.language for row in named}) > 1
+        # A path for all languages of a row is that of the first at most.
+        cells = Counter((row.place, row.audio) for row in named)
+        own = {cell for cell, count in cells.items() if count == 1}
         bases = [manifest.path.parent, *manifest.bases]
         bases += [self.root] if self.root is not None else []
-        for row in [*named, *self._translated(named)]:
-            line = self._line(row, bases, several)
+        rows = [(row, (row.place, row.audio) in own) for row in named]
+        rows += [(row, False) for row in self._translated(named)]
+        for row, mine in rows:
+            line = self._line(row, bases, mine or row.language == self.language)
             if line is not None:
                 yield line
 
@@ -88,8 +92,8 @@ class Listing:
                     if self.translations.has(tag, row.id):
                         yield replace(row, language=tag, text=None, given=True)
 
-    def _line(self, row: Row, bases: Sequence[Path], several: bool) -> Line | None:
-        audio = self._recording(row, bases, several)
+    def _line(self, row: Row, bases: Sequence[Path], mine: bool) -> Line | None:
+        audio = self._recording(row, bases, mine)
         files = self._recordings.beside(audio) if audio is not None else []
         text = row.text
         translated = self.translations.has(row.language, row.id)
@@ -97,7 +101,7 @@ class Listing:
             return None  # it is not in this language
         if audio is None:
             written = _parts(row.audio) or tuple(f"{row.id}.wav".split("/"))
-            if several and row.given:
+            if not mine:
                 written = _in_language(written, row.language)
             audio = (self.root or bases[0]).joinpath(*written)
             if audio.suffix.lower() not in AUDIO_SUFFIXES:
@@ -117,13 +121,12 @@ class Listing:
             text = None
         return replace(line, audio=audio, text=text, origin=row.place)
 
-    def _recording(self, row: Row, bases: Sequence[Path], several: bool) -> Path | None:
-        """The recording of a row; where it may be in several languages, the right one."""
+    def _recording(self, row: Row, bases: Sequence[Path], mine: bool) -> Path | None:
+        """The recording of a row, whose path is its own or that of several languages."""
         written = _parts(row.audio)
         names = [written] if written else [tuple(row.id.split("/"))]
         if not written and row.character:
             names.insert(0, (row.character, *names[0]))
-        mine = not (several and row.given) or row.language == self.language
         for base in bases:
             for parts in names:
                 for path in self._places(base, parts, row.language, mine):

@@ -59,7 +59,8 @@ def decoded(path: Path) -> str:
     if not encoding:  # half of the bytes of Western text in UTF-16 are 0
         head = data[:256]
         even, odd = head[::2].count(0), head[1::2].count(0)
-        encoding = "utf-8" if not even + odd else "utf-16-le" if odd > even else "utf-16-be"
+        wide = 4 * (even + odd) > len(head)
+        encoding = "utf-8" if not wide else "utf-16-le" if odd > even else "utf-16-be"
     try:
         text = data.decode(encoding)
     except UnicodeDecodeError as error:
@@ -121,9 +122,9 @@ def _read_workbook(path: Path) -> tuple[Table, ...]:
     # Imported here: jobs without a workbook do without.
     from python_calamine import CalamineError, CalamineWorkbook
 
-    _require_small(path)
     tables = []
     try:
+        _require_small(path)
         with CalamineWorkbook.from_path(str(path)) as book:
             for name in book.sheet_names:
                 sheet = book.get_sheet_by_name(name)
@@ -132,7 +133,7 @@ def _read_workbook(path: Path) -> tuple[Table, ...]:
                 cells = sheet.to_python(skip_empty_area=False)
                 rows = ((n, tuple(map(_cell_text, row))) for n, row in enumerate(cells, 1))
                 tables.append(Table(name, tuple(row for row in rows if any(row[1]))))
-    except (CalamineError, ValueError, zipfile.BadZipFile) as error:
+    except (CalamineError, ValueError, NotImplementedError, zipfile.BadZipFile) as error:
         damaged(path, f"it is no complete workbook ({str(error)[:80]})")
     return tuple(tables)
 

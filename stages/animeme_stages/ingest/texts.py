@@ -44,6 +44,10 @@ def _po(path: Path) -> Iterator[Text]:
     import polib
 
     text = decoded(path)
+    for number, line in enumerate(text.splitlines(), 1):
+        bare = line.strip()
+        if bare and bare[0] != "#" and not (bare.endswith('"') and bare.count('"') > 1):
+            damaged(path, f"line {number} is neither a comment nor a text in quotes")
     try:
         # With the text in place of a name polib reads that; a line end tells it from a name.
         entries = polib.pofile(text + "\n")
