@@ -156,7 +156,8 @@ msgstr "Niemand"
 #~ msgstr "alt"
 """
 XLIFF_1 = """<?xml version="1.0"?><xliff version="1.2"
-xmlns="urn:oasis:names:tc:xliff:document:1.2"><file original="x" source-language="en" target-language="de-AT"><body>
+xmlns="urn:oasis:names:tc:xliff:document:1.2"><file original="x" source-language="en"
+target-language="de-AT"><body>
 <trans-unit id="1" resname="a"><source>Hello.</source><target>Grüß <g id="1">dich</g>.
 <ph id="2">&lt;br/&gt;</ph></target></trans-unit>
 <group><trans-unit id="b"><source>Two</source><target state="needs-translation">Zwei</target>
@@ -166,7 +167,8 @@ xmlns="urn:oasis:names:tc:xliff:document:1.2"><file original="x" source-language
 XLIFF_2 = """<?xml version="1.0"?><xliff version="2.1" srcLang="en" trgLang="de-AT"
 xmlns="urn:oasis:names:tc:xliff:document:2.0"><file id="f"><unit id="u1" name="a">
 <segment state="final"><source>Hello.</source><target>Grüß <pc id="1">dich</pc><ph id="2"/>.
-</target></segment></unit><unit id="b"><segment state="initial"><source>Two</source><target>Zwei</target>
+</target></segment></unit><unit id="b"><segment state="initial"><source>Two</source>
+<target>Zwei</target>
 </segment></unit><unit id="c"><segment><source>Three</source></segment></unit>
 <unit id="nobody"><segment><source>No</source><target>Niemand</target></segment></unit>
 </file></xliff>"""
