@@ -71,8 +71,11 @@ def is_common(name: str) -> bool:
     Nearly every word of two or three letters is some language's code; where anything may stand,
     only these are meant.
     """
-    tag = find_tag(name)
-    return tag is not None and tag.split("-")[0] in _tables()[0]
+    names, _ = _tables()
+    spelt = unicodedata.normalize("NFC", name).strip().casefold()
+    first = _SIGNS.split(spelt)[0] if spelt else ""
+    known = _SIGNS.sub("", spelt) in names or first in names or first[:2] in names
+    return known and (tag := find_tag(name)) is not None and tag.split("-")[0] in names
 
 
 def language_of_file(path: Path) -> str:

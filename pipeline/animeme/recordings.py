@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,6 +20,7 @@ class Recordings:
     """
 
     _folders: dict[Path, dict[str, tuple[str, ...]]] = field(default_factory=dict)
+    _stems: dict[Path, dict[str, list[str]]] = field(default_factory=dict)
     _tags: dict[Path, dict[str, tuple[str, ...]]] = field(default_factory=dict)
 
     def find(self, base: Path, parts: tuple[str, ...]) -> Path | None:
@@ -36,11 +38,14 @@ class Recordings:
 
     def beside(self, recording: Path) -> list[Path]:
         """The files whose names are `recording`'s but for the suffix, itself among them."""
-        stem = composed(recording.stem)
-        listed = self._listing(recording.parent)
-        names = [name for names in listed.values() for name in names]
-        same = (recording.parent / name for name in sorted(names) if stem in composed(name))
-        return [path for path in same if composed(path.stem) == stem and path.is_file()]
+        folder = recording.parent
+        if folder not in self._stems:
+            stems: dict[str, list[str]] = defaultdict(list)
+            for name in sorted(name for names in self._listing(folder).values() for name in names):
+                stems[composed(Path(name).stem)].append(name)
+            self._stems[folder] = stems
+        names = self._stems[folder].get(composed(recording.stem), [])
+        return [path for name in names if (path := folder / name).is_file()]
 
     def language_folders(self, base: Path, tag: str) -> tuple[str, ...]:
         """Names of the folders in `base` that stand for a language."""
