@@ -183,6 +183,17 @@ def test_a_column_for_each_language(headers: str, tmp_path: Path) -> None:
     assert "1 of 2 lines are in en and not in de: b" in finding.message
 
 
+def test_a_region_is_found_where_only_its_language_is_named(tmp_path: Path) -> None:
+    folder_of(tmp_path, ["vo/en/a.wav", "vo/es/a.wav"])
+    text = "id,English,Spanish (Spain)\na,Hello.,Hola.\n"
+    found = gathered(tmp_path, text, root=tmp_path / "vo")
+    assert spoken(found, tmp_path) == {
+        "en/a": ("vo/en/a.wav", "Hello."),
+        "es-ES/a": ("vo/es/a.wav", "Hola."),
+    }
+    assert found.findings == ()
+
+
 def test_recordings_are_found_however_their_paths_are_spelt(tmp_path: Path) -> None:
     folder_of(tmp_path, ["VO/Act1/Hello.WAV", "VO/Act1/bye.flac", "VO/Act1/z.wav"])
     rows = "audio,text\nvo\\act1\\hello.wav,Hi\nVO/Act1/bye.wav,Bye\n./VO/Act1/z,Zed\n"

@@ -6,6 +6,7 @@ import difflib
 import re
 import tomllib
 import unicodedata
+from collections.abc import Collection
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -63,6 +64,19 @@ def find_tag(name: str) -> str | None:
     if region is not None and names.get(parts[0], "-").isalpha():
         return f"{names[parts[0]]}-{region}"
     return _standard("-".join([names.get(parts[0], parts[0]), *parts[1:]]))
+
+
+def nearest(tag: str, tags: Collection[str]) -> str | None:
+    """The one of `tags` that a language goes by: itself, or the only one of its primary language.
+
+    Example:
+        >>> nearest("es-ES", ["en", "es"]), nearest("en", ["en-GB", "en-US"])
+        ('es', None)
+    """
+    if tag in tags:
+        return tag
+    alike = [other for other in tags if other.split("-")[0] == tag.split("-")[0]]
+    return alike[0] if len(alike) == 1 else None
 
 
 def is_common(name: str) -> bool:

@@ -84,7 +84,7 @@ class Listing:
 
     def _translated(self, rows: Sequence[Row]) -> Iterator[Row]:
         """A row for each further language that a line is translated into."""
-        there = {(row.character, row.id, row.language) for row in rows}
+        there = {(row.character, row.id, self.translations.tag_for(row.language)) for row in rows}
         for row in rows:
             for tag in self.translations.languages:
                 if (row.character, row.id, tag) not in there:

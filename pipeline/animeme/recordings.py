@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from animeme.dialogue import AUDIO_SUFFIXES, FILM_SUFFIXES, composed
-from animeme.languages import find_tag, is_common
+from animeme.languages import find_tag, is_common, nearest
 
 
 @dataclass
@@ -56,7 +56,7 @@ class Recordings:
                     found = find_tag(name) or ""
                     tags[found] = (*tags.get(found, ()), name)
             self._tags[base] = tags
-        return self._tags[base].get(tag, ())
+        return self._tags[base].get(nearest(tag, self._tags[base]) or tag, ())
 
     def _listing(self, folder: Path) -> dict[str, tuple[str, ...]]:
         """Names in a folder by their folded form."""

@@ -13,7 +13,7 @@ from animeme.dialogue import Line, composed
 from animeme.errors import InputError
 from animeme.files import unreadable
 from animeme.findings import Finding, Severity
-from animeme.languages import language_of_file, language_tag
+from animeme.languages import language_of_file, language_tag, nearest
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Translations:
 
     texts: tuple[Text, ...] = ()
 
-    @property
+    @cached_property
     def languages(self) -> tuple[str, ...]:
         """Tags, sorted."""
         return tuple(sorted({text.language for text in self.texts}))
@@ -75,10 +75,15 @@ class Translations:
                 idle[text.language].append(text)
         return tuple(made), tuple(_idle(tag, texts) for tag, texts in sorted(idle.items()))
 
+    def tag_for(self, language: str) -> str | None:
+        """The language whose texts are those of `language`, None if there is none."""
+        return nearest(language, self.languages)
+
     def _find(self, language: str, id: str) -> Text | None:
+        tag = self.tag_for(language)
         name = composed(id).casefold()
         for key in (name, name.rpartition("/")[2]):
-            found = self._by_id.get((language, key))
+            found = self._by_id.get((tag or language, key))
             if found:
                 return found
         return None
