@@ -306,6 +306,24 @@ PROBLEMS: dict[str, tuple[str, str, str, str]] = {
     ),
     "no folder": ('"dialogue"', '"dialog"', "dialogue.root", "Paths start at the job file."),
     "no asset": ('"ada.glb"', '"eva.glb"', "characters.ada.asset", "Paths start at the job file."),
+    "no list": (
+        'root = "',
+        'manifest = "lines.csv"\nroot = "',
+        "dialogue.manifest",
+        "Paths start at the job file.",
+    ),
+    "unknown language": (
+        'root = "',
+        'language = "Germn"\nroot = "',
+        "dialogue.language",
+        "Did you mean 'German' (de)?",
+    ),
+    "misspelt column": (
+        'root = "',
+        'columns = {txt = "a"}\nroot = "',
+        "dialogue.columns.txt",
+        "Did you mean 'text'?",
+    ),
     "unknown format": (
         '"ada.glb"',
         '"ada.fbx"',

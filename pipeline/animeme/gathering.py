@@ -150,11 +150,11 @@ def _common_folder(lines: Sequence[Line]) -> Path | None:
 
 def _surplus(folder: Path, lines: Sequence[Line], without: Path | None) -> Iterator[Finding]:
     """A warning for each folder with recordings that no list has."""
-    stems = {Path(os.path.normpath(line.audio.absolute())).with_suffix("") for line in lines}
+    stems = {os.path.splitext(os.path.abspath(line.audio))[0] for line in lines}
     idle: dict[Path, list[str]] = defaultdict(list)
     for file in files_below(folder, folder, without):
-        whole = Path(os.path.normpath(file.absolute()))
-        if whole.suffix.lower() in AUDIO_SUFFIXES and whole.with_suffix("") not in stems:
+        stem, suffix = os.path.splitext(os.path.abspath(file))
+        if suffix.lower() in AUDIO_SUFFIXES and stem not in stems:
             idle[file.parent].append(file.name)
     for place, names in sorted(idle.items()):
         shown = ", ".join(names[:_NAMED]) + (" …" if len(names) > _NAMED else "")

@@ -88,7 +88,8 @@ def is_common(name: str) -> bool:
     names, _ = _tables()
     spelt = unicodedata.normalize("NFC", name).strip().casefold()
     first = _SIGNS.split(spelt)[0] if spelt else ""
-    known = _SIGNS.sub("", spelt) in names or first in names or first[:2] in names
+    known = _SIGNS.sub("", spelt) in names or first in names
+    known = known or (len(first) == 4 and first[:2] in names)  # ptbr
     return known and (tag := find_tag(name)) is not None and tag.split("-")[0] in names
 
 
