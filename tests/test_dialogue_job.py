@@ -219,7 +219,7 @@ def test_a_minimal_job_gets_every_default(tmp_path: Path) -> None:
         voices=None,
         model="dam",
         model_file=None,
-        curves=CurveOptions(60.0, 0.002),
+        curves=CurveOptions(rate_hz=60.0, max_error=0.002),
         characters=(CharacterJob("ada", (tmp_path / "ada.glb",), "auto", "per-character"),),
     )
 

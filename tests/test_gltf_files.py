@@ -128,6 +128,29 @@ def test_two_assets_whose_files_clash_do_not_overwrite_each_other(tmp_path: Path
     assert {path: path.read_bytes() for path in out.iterdir()} == before
 
 
+@pytest.mark.parametrize("link", ["file", "folder", "circle"])
+def test_a_link_that_leaves_the_folder_is_refused(link: str, tmp_path: Path) -> None:
+    saved(tmp_path / "else" / "face.bin", TRIANGLE)
+    source = gltf_with_files(tmp_path / "in", buffer="a/face.bin", image="skin.png")
+    saved(tmp_path / "in" / "skin.png", b"picture")
+    folder = tmp_path / "in" / "a"
+    if link == "folder":
+        folder.symlink_to(tmp_path / "else")
+    else:
+        folder.mkdir()
+        target = tmp_path / "else" if link == "file" else folder
+        (folder / "face.bin").symlink_to(target / "face.bin")
+    character = FORMAT.load(source)
+    with pytest.raises(InputError, match="asset-uri-refused"):
+        FORMAT.write(character, [line(speech(["jawOpen"]))], tmp_path / "out" / "face.gltf")
+    assert not (tmp_path / "out").exists()
+    folder.unlink() if link == "folder" else (folder / "face.bin").unlink()
+    saved(tmp_path / "in" / "real.bin", TRIANGLE)
+    folder.mkdir(exist_ok=True)
+    (folder / "face.bin").symlink_to(tmp_path / "in" / "real.bin")
+    animate(source, tmp_path / "out" / "face.gltf")
+
+
 REFUSED_URIS = {
     "absolute": "/etc/hostname",
     "parent": "../secret.bin",

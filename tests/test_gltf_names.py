@@ -48,6 +48,11 @@ def test_every_target_has_a_name_of_its_own(names: list[str], tmp_path: Path) ->
     assert len(set(loaded.shapes)) == len(names)
 
 
+def test_very_many_equal_names_are_told_apart_in_time(tmp_path: Path) -> None:
+    (loaded,) = FORMAT.load(face_glb(tmp_path, face(["a"] * 30_000))).meshes
+    assert len(set(loaded.shapes)) == 30_000
+
+
 @pytest.mark.parametrize("names", [['quote"d'], ["line\nbreak"], ["😀"], ["é", "e\u0301"], [""]])
 def test_any_string_can_be_a_name(names: list[str], tmp_path: Path) -> None:
     animate(face_glb(tmp_path, face(names)), tmp_path / "out.glb", speech(names[-1:]))

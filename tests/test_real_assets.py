@@ -23,7 +23,7 @@ REFUSED = {
     "mayausd_HIK_Export.usda": "asset-no-blendshapes",
     "usdwg_CesiumMan.usdz": "asset-no-blendshapes",
     "tinyusdz_inbetween-blendshape-001.usda": "asset-no-blendshapes",
-    "openusd_populate.usda": "asset-instanced",
+    "openusd_populate.usda": "asset-no-blendshapes",
 }
 
 

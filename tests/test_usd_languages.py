@@ -14,6 +14,7 @@ from support.usd_kit import (
     add_mesh,
     add_skeleton,
     assembled,
+    digest,
     hero,
     joints,
     new_stage,
@@ -70,3 +71,15 @@ def test_assembly_of_what_lies_outside_the_character(tmp_path: Path) -> None:
 def test_no_languages_no_assembly(tmp_path: Path) -> None:
     character = FORMAT.load(hero(tmp_path / "hero.usda"))
     assert FORMAT.write_assembly(character, {}, tmp_path / "out.usda") == ()
+
+
+def test_a_tenth_run_replaces(tmp_path: Path) -> None:
+    source = hero(tmp_path / "hero.usda", old=["browUp"], weights=[0.5])
+    digests = set()
+    for _ in range(10):
+        stage, lines = assembled(source, tmp_path / "out")
+        digests.add(tuple(digest(file) for file in sorted((tmp_path / "out").rglob("*.usd?"))))
+    assert len(digests) == 1
+    names = [child.GetName() for child in stage.GetPrimAtPath("/hero/Dialogue").GetChildren()]
+    assert sorted(names) == ["active", "x", "y"]
+    assert len(lines) == 6

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         load_model,
         run,
         speak,
+        strip,
     )
     from animeme.crossmapping import crossmap
     from animeme.errors import AnimemeError, InputError, JobError, PluginError
@@ -33,6 +34,7 @@ _HOMES = {
     "load_model": "animeme.api",
     "run": "animeme.api",
     "speak": "animeme.api",
+    "strip": "animeme.api",
     "crossmap": "animeme.crossmapping",
     "evaluate": "animeme.training",
     "read_dataset": "animeme.training",
@@ -60,6 +62,7 @@ __all__ = [
     "run",
     "save_model",
     "speak",
+    "strip",
     "train",
 ]
 

@@ -341,11 +341,17 @@ def load_model(name_or_file: str | Path) -> Model:
     return registry.load_model(str(name_or_file))
 
 
-def load_character(path: str | Path) -> Character:
+def load_character(path: str | Path, *, within: str | Path | None = None) -> Character:
     """The character in an asset: its meshes and their blendshapes.
 
+    Args:
+        path: the asset.
+        within: folder that the other files it is made of must be in; None for the asset's own. An
+            output of animeme refers to its source: there, the folder that holds both.
+
     Raises:
-        InputError: the file is damaged, of no known format, or has no blendshapes.
+        InputError: the file is damaged, of no known format, has no blendshapes, or refers to files
+            elsewhere.
 
     Example:
         >>> import animeme
@@ -354,4 +360,27 @@ def load_character(path: str | Path) -> Character:
         (8, True)
     """
     file = Path(path)
-    return registry.format_of(file).load(file)
+    return registry.format_of(file).load(file, within=_path(within))
+
+
+def strip(path: str | Path, *, output: str | Path | None = None) -> tuple[str, ...]:
+    """Take animeme's animations out of an asset: what is left is its source, byte for byte.
+
+    Args:
+        path: a file that animeme wrote; its source is not needed.
+        output: where to write; None for `path` itself.
+
+    Returns:
+        Names of the animations that were taken out.
+
+    Raises:
+        InputError: nothing in it is ours, or it was edited since, so that its source cannot be
+            promised; nothing is written then.
+
+    Example:
+        >>> import animeme
+        >>> animeme.strip("out/sample/en/crab.glb", output="crab.glb")[:2]  # doctest: +SKIP
+        ('boat', 'count')
+    """
+    file = Path(path)
+    return registry.format_of(file).strip(file, Path(output) if output is not None else file)

@@ -253,6 +253,7 @@ class LineAnimation:
         duration_s: length of the recording.
         events: the transcript's inline tags, which the asset carries beside the animation.
         audio_start_s: when the recording starts; before it the animation has its pre-roll.
+        audio: the recording, or what was spoken for want of one; None if there is none to refer to.
     """
 
     name: str
@@ -261,6 +262,7 @@ class LineAnimation:
     duration_s: float
     events: tuple[Event, ...] = ()
     audio_start_s: float = 0.0
+    audio: Path | None = None
 
     @property
     def end_s(self) -> float:
@@ -287,11 +289,25 @@ class Format(Protocol):
         """Suffix of the files that `write` makes from `source`."""
         ...
 
-    def load(self, path: Path) -> Character:
+    def load(self, path: Path, *, within: Path | None = None) -> Character:
         """The character in the file at `path`.
 
+        Args:
+            path: the asset.
+            within: folder that the files it is made of must be in; its own if None. Formats that
+                deliver those files beside it may insist on its own.
+
         Raises:
-            InputError: the file is damaged, or has no blendshape that could be driven.
+            InputError: the file is damaged, has no blendshape that could be driven, or is made of
+                files elsewhere.
+        """
+        ...
+
+    def for_layout(self, layout: str, character: Character) -> Format:
+        """The format that writes `character` in one of the job file's layouts.
+
+        Raises:
+            InputError: ``layout-unsupported``: this asset cannot have it; says why.
         """
         ...
 
@@ -353,6 +369,22 @@ class Format(Protocol):
 
     def read_animations(self, path: Path) -> dict[str, CurveSet]:
         """Weight curves of every animation in the file, by name, over canonical shape names."""
+        ...
+
+    def strip(self, path: Path, target: Path) -> tuple[str, ...]:
+        """Write the source of a file that `write` made to `target`, byte for byte.
+
+        Args:
+            path: the file.
+            target: where to write; may be `path`.
+
+        Returns:
+            Names of the animations that were taken out.
+
+        Raises:
+            InputError: nothing in it is ours, it was edited since, or the format has no need of
+                this; nothing is written then.
+        """
         ...
 
     def harm(self, character: Character, output: Path) -> list[str]:

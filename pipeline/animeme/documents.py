@@ -153,10 +153,20 @@ class CharacterSection(Document):
         description="The character's file, or its file in each format, relative to the job file."
     )
     rig: str = Field("auto", description='"auto", a shipped profile, or a rig document.')
-    layout: Literal["per-character", "per-line"] = Field(
-        "per-character", description="One file per language with all lines, or a file per line."
+    layout: Literal["per-character", "per-line", "animation-only", "vrma"] = Field(
+        "per-character",
+        description="One file per language with all lines; a file per line; or per line a file of "
+        "animation alone, as a GLB (animation-only) or for VRM avatars (vrma).",
     )
     model: ModelSection | None = Field(None, description="In place of the job's.")
+    asset_root: str | None = Field(
+        None,
+        description="Folder that the layers of a USD asset must be in, relative to the job file; "
+        "the asset's own if absent.",
+    )
+    usdz: bool = Field(
+        False, strict=True, description="Also pack a USD asset's languages into one .usdz file."
+    )
 
 
 class JobDocument(Document):

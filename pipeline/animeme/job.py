@@ -26,7 +26,7 @@ from animeme.manifest import PRESETS, Columns
 from animeme.shaping import CurveOptions
 from animeme.timing import FrameRate
 
-Layout = Literal["per-character", "per-line"]
+Layout = Literal["per-character", "per-line", "animation-only", "vrma"]
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,10 @@ class CharacterJob:
         name: in the job.
         assets: its files, one per format.
         rig: "auto", a shipped profile's name, or a file relative to the job.
-        layout: one file per language, or one per line.
+        layout: one file per language, one per line, or per line a file of animation alone.
         model: its own, None for the job's.
+        usdz: pack all languages of a USD asset into one file.
+        asset_root: folder that the layers of a USD asset must be in; its own if None.
     """
 
     name: str
@@ -54,6 +56,8 @@ class CharacterJob:
     rig: str
     layout: Layout
     model: ModelChoice | None = None
+    usdz: bool = False
+    asset_root: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -131,10 +135,12 @@ def _job(document: JobDocument, path: Path, output: Path | None) -> Job:
     characters = tuple(
         CharacterJob(
             name,
-            tuple(folder / a for a in section.asset),
+            tuple(folder / asset for asset in section.asset),
             section.rig,
             section.layout,
-            _model_choice(section.model, folder),
+            model=_model_choice(section.model, folder),
+            usdz=section.usdz,
+            asset_root=folder / section.asset_root if section.asset_root is not None else None,
         )
         for name, section in document.characters.items()
     )
@@ -287,6 +293,7 @@ def _character_problems(path: str, section: Mapping[str, Any], folder: Path) -> 
     assets = section.get("asset")
     assets = [assets] if isinstance(assets, str) else assets
     suffixes: dict[str, str] = {}
+    joins = False
     for asset in assets if isinstance(assets, list) else ():
         if not isinstance(asset, str):
             continue
@@ -304,10 +311,27 @@ def _character_problems(path: str, section: Mapping[str, Any], folder: Path) -> 
             clash = f"'{suffixes[suffix]}' and '{asset}' would be written to one file"
             yield Problem(f"{path}.asset", clash, "Make them two characters.")
         suffixes[suffix] = asset
+        joins |= bool(registry.format_of(file).assembly_suffix)
+    root = section.get("asset_root")
+    if isinstance(root, str):
+        yield from _root_problems(f"{path}.asset_root", folder / root, assets, folder)
+    if section.get("usdz") is True and section.get("layout") == "per-line":
+        action = "Leave 'layout' out, or 'usdz'."
+        yield Problem(f"{path}.usdz", "a file per line cannot be packed into one", action)
+    elif section.get("usdz") is True and suffixes and not joins:
+        action = "Add the character's USD file to 'asset', or leave 'usdz' out."
+        yield Problem(f"{path}.usdz", "no asset of the character is USD", action)
     yield from _model_problems(f"{path}.model", section, folder)
     rig = section.get("rig")
     if isinstance(rig, str):
         yield from _rig_problems(f"{path}.rig", rig, folder)
+
+
+def _root_problems(path: str, root: Path, assets: Any, folder: Path) -> Iterator[Problem]:
+    for asset in assets if isinstance(assets, list) else ():
+        file = folder / asset if isinstance(asset, str) else root
+        if not file.resolve().is_relative_to(root.resolve()):
+            yield Problem(path, f"'{asset}' is not below it", "It holds the asset and its layers.")
 
 
 def _rig_problems(path: str, rig: str, folder: Path) -> Iterator[Problem]:

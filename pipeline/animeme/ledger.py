@@ -74,7 +74,7 @@ class Ledger:
         character = self.plan.targets[item.target].character
         outcome: AssetOutcome | None = result.value
         findings = (fault_of(result, str(item.output)),) if outcome is None else outcome.findings
-        for number, name, _ in item.lines:
+        for number, name, *_ in item.lines:
             line = self.plan.lines[number].key
             own = (finding for finding in findings if finding.line in ("", name))
             self._add(number, (replace(f, line=line, character=character) for f in own))

@@ -9,9 +9,8 @@ from functools import cached_property
 from pathlib import Path
 
 from animeme import registry
-from animeme.contracts import Format
 from animeme.dialogue import Line
-from animeme.job import Job, Layout
+from animeme.job import Job
 from animeme.tasks import AssemblyItem, AssetItem, LineItem, Target, alignment_path, speech_path
 
 REPORT_NAMES = ("report.json", "summary.md", "run.jsonl")
@@ -65,12 +64,13 @@ class Plan:
         """
         items: list[AssetItem] = []
         for index, target in enumerate(self.targets):
-            files: dict[tuple[str, Path], list[tuple[int, str, float]]] = defaultdict(list)
+            files: dict[tuple[str, Path], list[tuple[int, str, float, Path]]] = defaultdict(list)
             for number, length_s in sorted(good(target.character).items()):
                 line = self.lines[number]
                 if target.character in self.characters_of(line):
                     file = (line.language, self._file(target, line))
-                    files[file].append((number, line.id, length_s))
+                    audio = self._heard(line)
+                    files[file].append((number, line.id, length_s, audio))
             items += [
                 AssetItem(
                     index, language, tuple(lines), output, spool, self._exports(target, lines)
@@ -80,12 +80,12 @@ class Plan:
         return items
 
     def _exports(
-        self, target: Target, lines: list[tuple[int, str, float]]
+        self, target: Target, lines: list[tuple[int, str, float, Path]]
     ) -> tuple[tuple[int, str, Path], ...]:
         """(place in `lines`, kind, file) of each curve file that goes with an asset's file."""
         return tuple(
             (place, kind, path)
-            for place, (number, _, _) in enumerate(lines)
+            for place, (number, *_) in enumerate(lines)
             for kind, path in self._curve_files(target, self.lines[number])
         )
 
@@ -115,28 +115,34 @@ class Plan:
             path = self.assembly_path(target)
             files = tuple(entry for entry in self.language_files(target) if entry[1] in written)
             if path is not None and files:
-                items.append(AssemblyItem(index, files, path, spool))
+                items.append(AssemblyItem(index, files, path, spool, self.package_path(target)))
         return items
 
     def language_files(self, target: Target) -> list[tuple[str, Path]]:
         """Language and file of each file that holds all lines of a language."""
-        if self._layouts[target.character] != "per-character":
+        if target.layout != "per-character":
             return []
         return sorted({(li.language, self._file(target, li)) for li in self._lines_of(target)})
 
     def assembly_path(self, target: Target) -> Path | None:
         """Where a format that joins languages puts the joined file; None where there is none."""
-        suffix = self.format_of(target).assembly_suffix
-        if not suffix or self._layouts[target.character] != "per-character":
+        suffix = target.format.assembly_suffix
+        if not suffix or target.layout != "per-character":
             return None
         return self.job.output / f"{target.character}{suffix}"
+
+    def package_path(self, target: Target) -> Path | None:
+        """Where the joined file is packed with all it needs; None if that is not asked for."""
+        path = self.assembly_path(target)
+        packed = {character.name for character in self.job.characters if character.usdz}
+        return path.with_suffix(".usdz") if path and target.character in packed else None
 
     def possible_outputs(self) -> Iterator[Path]:
         """Every asset, alignment and report that the run may write."""
         yield from (self.job.output / name for name in REPORT_NAMES)
         yield from self.possible_files()
         for target in self.targets:
-            beside = self.format_of(target).companions(target.asset)
+            beside = target.format.companions(target.asset)
             folders = {self._file(target, line).parent for line in self._lines_of(target)}
             yield from (folder / name for folder in sorted(folders) for name in beside)
 
@@ -148,25 +154,20 @@ class Plan:
         yield from self.curve_files()
         for target in self.targets:
             yield from dict.fromkeys(self._file(target, line) for line in self._lines_of(target))
-            path = self.assembly_path(target)
-            yield from () if path is None else (path,)
+            joined = (self.assembly_path(target), self.package_path(target))
+            yield from (path for path in joined if path is not None)
 
     def _lines_of(self, target: Target) -> Iterator[Line]:
         return (line for line in self.lines if target.character in self.characters_of(line))
 
+    def _heard(self, line: Line) -> Path:
+        """The line's recording, or what the run spoke in its place."""
+        return line.audio if line.audio.exists() else speech_path(self.job.output, line)
+
     def _file(self, target: Target, line: Line) -> Path:
         """The file of `target` that holds `line`."""
-        suffix = self.format_of(target).output_suffix(target.asset.source)
+        suffix = target.format.output_suffix(target.asset.source)
         folder = self.job.output / line.language
-        if self._layouts[target.character] == "per-character":
+        if target.layout == "per-character":
             return folder / f"{target.character}{suffix}"
         return folder / target.character / f"{line.id}{suffix}"
-
-    @cached_property
-    def _layouts(self) -> dict[str, Layout]:
-        return {character.name: character.layout for character in self.job.characters}
-
-    @staticmethod
-    def format_of(target: Target) -> Format:
-        """The format of a target's asset."""
-        return registry.format_named(target.asset.format)

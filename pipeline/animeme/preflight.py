@@ -80,14 +80,16 @@ def load_targets(job: Job) -> tuple[list[Target], list[Finding]]:
     for character in job.characters:
         for path in character.assets:
             try:
-                asset = registry.format_of(path).load(path)
+                asset = registry.format_of(path).load(path, within=character.asset_root)
                 rig = registry.stage("bind-rig")(
                     character.rig, asset, job.folder, controls=controls
                 )
+                target = Target(character.name, asset, rig, character.model, character.layout)
+                _ = target.format  # refuses a layout that this asset cannot have
             except InputError as error:
                 findings.append(Finding.from_error(error, character=character.name))
                 continue
-            targets.append(Target(character.name, asset, rig, character.model))
+            targets.append(target)
             if rig.missing:
                 findings.append(_missing_shapes(targets[-1]))
     # A character with one broken asset is broken: half a delivery would pass for a whole one.
@@ -210,7 +212,7 @@ def require_distinct_companions(plan: Plan) -> None:
     brought: dict[str, tuple[str, Path]] = {}
     problems = []
     for target in plan.targets:
-        for name, file in plan.format_of(target).companions(target.asset).items():
+        for name, file in target.format.companions(target.asset).items():
             if not file.is_file():
                 continue
             character, other = brought.setdefault(name, (target.character, file))

@@ -20,6 +20,7 @@ from animeme.contracts import (
     Alignment,
     Anchor,
     AssetSubject,
+    Format,
     LineAnimation,
     LineSubject,
     Model,
@@ -46,12 +47,20 @@ class Target:
         asset: what its format read.
         rig: its bound profile.
         model: the character's own, None for the job's.
+        layout: how its lines are laid out in files.
     """
 
     character: str
     asset: Character
     rig: BoundRig
     model: ModelChoice | None = None
+    layout: str = "per-character"
+
+    @property
+    def format(self) -> Format:
+        """The format that writes it."""
+        form = registry.format_named(self.asset.format)
+        return form.for_layout(self.layout, self.asset)
 
 
 @dataclass(frozen=True)
@@ -158,7 +167,7 @@ class AssetItem:
     Attributes:
         target: index into the context's targets.
         language: folder name and tag.
-        lines: (number of the line, animation name, length in seconds).
+        lines: (number of the line, animation name, length in seconds, recording).
         output: file to write.
         spool: the run's spool folder.
         exports: (place in `lines`, kind, file) of each curve file to write as well.
@@ -166,7 +175,7 @@ class AssetItem:
 
     target: int
     language: str
-    lines: tuple[tuple[int, str, float], ...]
+    lines: tuple[tuple[int, str, float, Path], ...]
     output: Path
     spool: Path
     exports: tuple[tuple[int, str, Path], ...] = ()
@@ -181,12 +190,14 @@ class AssemblyItem:
         files: (language, file) of each language that was written.
         output: file to write.
         spool: the run's spool folder.
+        package: file to pack it all into, or None.
     """
 
     target: int
     files: tuple[tuple[str, Path], ...]
     output: Path
     spool: Path
+    package: Path | None
 
 
 @dataclass(frozen=True)
@@ -421,15 +432,17 @@ def _load_curves(path: Path) -> tuple[CurveSet, tuple[Event, ...]]:
 
 def _animations(item: AssetItem, target: Target, context: RunContext) -> tuple[LineAnimation, ...]:
     """What goes into one file."""
-    loaded = [_load_curves(_spooled(item.spool, n, item.target)) for n, _, _ in item.lines]
+    loaded = [_load_curves(_spooled(item.spool, n, item.target)) for n, *_ in item.lines]
     curves = [shapes for shapes, _ in loaded]
     if not target.asset.animations:  # else theirs would show where ours has no curve
         meshes = [[target.asset.canonical[s] for s in mesh.shapes] for mesh in target.asset.meshes]
         curves = drop_still(curves, target.asset.rest_weights(), meshes)
     lead_s = context.curves.preroll_s
     return tuple(
-        LineAnimation(name, item.language, shapes, length_s, events, lead_s)
-        for (_, name, length_s), shapes, (_, events) in zip(item.lines, curves, loaded, strict=True)
+        LineAnimation(name, item.language, shapes, length_s, events, lead_s, audio)
+        for (_, name, length_s, audio), shapes, (_, events) in zip(
+            item.lines, curves, loaded, strict=True
+        )
     )
 
 
@@ -466,7 +479,7 @@ def write_asset(item: AssetItem) -> AssetOutcome:
     """Write one asset with its lines; it takes its place only if it passes its checks."""
     context = _context(item.spool)
     target = context.targets[item.target]
-    form = registry.format_named(target.asset.format)
+    form = target.format
     lines = _animations(item, target, context)
     findings: list[Finding] = []
 
@@ -492,7 +505,7 @@ def write_asset(item: AssetItem) -> AssetOutcome:
 def join_languages(item: AssemblyItem) -> AssetOutcome:
     """Write the file that joins one asset's languages, if it does no harm."""
     target = _context(item.spool).targets[item.target]
-    form = registry.format_named(target.asset.format)
+    form = target.format
     findings: list[Finding] = []
 
     def verify(path: Path) -> None:
@@ -504,12 +517,23 @@ def join_languages(item: AssemblyItem) -> AssetOutcome:
             raise _RejectedError
 
     files = dict(item.files)
-    return _written(
+    joined = _written(
         lambda: form.write_assembly(target.asset, files, item.output, verify=verify),
         findings,
         target.character,
         item.output,
     )
+    package = item.package
+    if package is None or not joined.outputs:
+        return joined
+    remarks: list[Finding] = []
+
+    def pack() -> tuple[Path, ...]:
+        remarks.extend(registry.stage("package-usdz")(target.asset, item.output, files, package))
+        return (package,)
+
+    packed = _written(pack, remarks, target.character, package)
+    return AssetOutcome(joined.outputs + packed.outputs, joined.findings + packed.findings)
 
 
 def _written(

@@ -189,6 +189,9 @@ def check_format(form: Format, asset: Path, folder: Path) -> None:
     form.write(character, lines, target)
     assert [path.read_bytes() for path in written] == bytes_before, "same input, same bytes"
     assert _digest(asset) == before, "the source must not change"
+    with suppress(InputError):  # a format that writes beside the source has nothing to strip
+        form.strip(target, folder / asset.name)
+        assert _digest(folder / asset.name) == before, "stripping must give the source back"
     _refuses(form, folder)
 
 

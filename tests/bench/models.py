@@ -9,23 +9,28 @@ training), and scored inside those words only. Alignment is the slow part; --tra
 from __future__ import annotations
 
 import argparse
+import copy
+import itertools
 import json
 import pickle
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import animeme
 from animeme.dataset import CapturedLine, Dataset, folds
-from animeme.scoring import captured_recall, judge
+from animeme.phones import Phone, PhoneTrack
+from animeme.scoring import RATE_HZ, captured_recall, judge
 from animeme.training import parse_model
+from animeme_stages.synthesize.contacts import Contacts
 
 FOUR = ("lip_gap", "lip_width", "jaw_drop", "lower_lip")
 BASE = "dam:degree=0,modes=none,normalise=no,spread=lengths,sigma=1,contacts=no"
 MODELS = {
     "dam": "dam",
-    "dam, no contacts": "dam:contacts=no",
+    "dam, no contacts": "dam",
     "dam, one mode": "dam:modes=none,contacts=no",
     "dam 2012, one mode": "dam:modes=none,normalise=no,spread=lengths,sigma=1,contacts=no",
     "dam 2012, affinity": "dam:modes=affinity,normalise=no,spread=lengths,sigma=1,contacts=no",
@@ -37,6 +42,10 @@ MODELS = {
     "mmm, statistics": "mmm:steps=0",
     "bigram": "bigram",
 }
+# The same fitted model without the contacts that are laid over its motion.
+BARE = ("dam, no contacts",)
+# Tracks of this many phones show that synthesis takes time in proportion to length.
+LENGTHS = (10, 100, 1000, 10000)
 SLOW = ("dam 2012, affinity", "dam-2009", "dam 2012, one mode")
 
 
@@ -89,6 +98,7 @@ def main() -> None:
     parser.add_argument("--words", action="store_true")
     parser.add_argument("--folds", type=int, default=5)
     parser.add_argument("--only", nargs="*", default=[])
+    parser.add_argument("--lengths", action="store_true", help="time synthesis by length, too")
     parser.add_argument("--fast", action="store_true", help="leave out the slowest models")
     parser.add_argument("--tracks", type=Path, help="pickle of the read dataset, made if absent")
     parser.add_argument("--json", type=Path)
@@ -108,10 +118,16 @@ def main() -> None:
     for fitted, judged, label in splits(dataset, arguments):
         own = captured_recall(judged) if not arguments.words else None
         print(f"{label}: {len(fitted.lines)} lines fitted, {len(judged.lines)} judged, {own}")
+        models: dict[str, tuple[Any, float]] = {}
         for name in names:
-            started = time.process_time()
-            model = animeme.train(fitted, *parse_model(MODELS[name]))
-            cpu_s = time.process_time() - started
+            if MODELS[name] not in models:
+                started = time.process_time()
+                model = animeme.train(fitted, *parse_model(MODELS[name]))
+                models[MODELS[name]] = (model, time.process_time() - started)
+            model, cpu_s = models[MODELS[name]]
+            if name in BARE:
+                model = copy.copy(model)
+                model.contacts_ = Contacts()
             score, _ = judge(model, judged)
             size = len(json.dumps(model.to_document()))
             row = {k: float(v or np.nan) for k, v in score.rmse.items()}
@@ -124,9 +140,43 @@ def main() -> None:
             table[name].append(row)
             cells = " ".join(f"{row[k]:.4f}" for k in dataset.controls)
             print(f"  {name:26} {cells} {row['closed']:.3f} {cpu_s:6.1f} s", flush=True)
+        if arguments.lengths and "dam" in models:
+            report_lengths(models["dam"][0], dataset)
     report(table, dataset.controls)
     if arguments.json:
         arguments.json.write_text(json.dumps(table, indent=1))
+
+
+def long_track(dataset: Dataset, phones: int) -> PhoneTrack:
+    """The lines of `dataset` one after another, until there are so many phones."""
+    found: list[Phone] = []
+    start_s = 0.0
+    for line in itertools.cycle(dataset.lines):
+        for phone in line.track.phones[: phones - len(found)]:
+            end_s = start_s + phone.duration_s
+            found.append(Phone(phone.symbol, start_s, end_s))
+            start_s = end_s
+        if len(found) == phones:
+            break
+    first = dataset.lines[0].track
+    return PhoneTrack(first.language, first.inventory, tuple(found))
+
+
+def report_lengths(model: Any, dataset: Dataset) -> None:
+    """CPU time of synthesis by the length of what is said; the least of several runs."""
+    for phones in LENGTHS:
+        track = long_track(dataset, phones)
+        took_s = []
+        for _ in range(max(2, 1000 // phones)):
+            started = time.process_time()
+            model.synthesize(track, rate_hz=RATE_HZ)
+            took_s.append(time.process_time() - started)
+        each_us = 1e6 * min(took_s) / phones
+        print(
+            f"  {phones} phones, {track.duration_s:.0f} s: {each_us:.1f} µs per phone, "
+            f"{each_us / len(dataset.controls):.2f} per phone and control",
+            flush=True,
+        )
 
 
 def report(table: dict[str, list[dict[str, float]]], controls: tuple[str, ...]) -> None:

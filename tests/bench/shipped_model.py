@@ -21,7 +21,7 @@ from animeme_stages.synthesize.cohen_massaro import CohenMassaro
 from animeme_stages.synthesize.contacts import Bound, Contacts
 from animeme_stages.synthesize.dam import Dam
 
-OPTIONS = {"rounds": 60, "depth": 4, "rate": 0.15}
+OPTIONS = {"rounds": 200, "depth": 4, "rate": 0.14}
 LARGEST_BYTES = 1_000_000
 # Class of contact → the phone whose row of the table it takes.
 CONTACTS = {"bilabial": "m", "labiodental": "f"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,9 @@ from typing import Any
 import numpy as np
 
 from animeme.contracts import LineAnimation
-from animeme.curves import CurveSet
+from animeme.curves import CurveSet, Floats
+from animeme.rig import Character
+from animeme_stages.ingest.gltf_data import external_uris, local_file
 from animeme_stages.write.gltf import GltfFormat
 from support.gltf_build import (
     BIN_KIND,
@@ -58,9 +61,21 @@ def face_glb(folder: Path, document: Json | str | None = None, binary: bytes = T
 
 
 def animate(
-    source: Path, target: Path, curves: CurveSet | None = None, *, plain: bool = False
+    source: Path,
+    target: Path,
+    curves: CurveSet | None = None,
+    *,
+    plain: bool = False,
+    origin: Path | None = None,
 ) -> Reader:
-    """Write one line, and require everything that holds for every asset."""
+    """Write one line, and require everything that holds for every asset.
+
+    Args:
+        source, target: the asset, and where to.
+        curves: of the line; any, of its first shape, if None.
+        plain: read it back from the bare JSON.
+        origin: what `source`, an output of ours, was made from.
+    """
     before = source.read_bytes()
     character = FORMAT.load(source)
     curves = curves or speech(character.shapes[:1])
@@ -69,7 +84,8 @@ def animate(
     assert written[0] == target
     assert all(path.is_file() for path in written)
     assert FORMAT.harm(character, target) == []
-    require_kept(source, target)
+    require_kept(origin or source, target)
+    require_strippable(origin or source, target)
     name = "hello_en" if "hello" in foreign_names(source) else "hello"
     reader = Reader(target, plain=plain)
     require_played(reader, name, curves, character.canonical)
@@ -81,6 +97,19 @@ def animate(
         atol=CLOSE,
     )
     return reader
+
+
+def require_strippable(source: Path, target: Path) -> None:
+    """Without our animations `target` is `source`, and every file beside it is as it was."""
+    back = target.parent / "stripped" / source.name
+    before = {p: p.read_bytes() for p in target.parent.rglob("*") if p.is_file()}
+    assert FORMAT.strip(target, back)
+    assert back.read_bytes() == source.read_bytes()
+    for uri in external_uris(document_of(source)):
+        if local_file(source, uri).is_file():
+            assert local_file(back, uri).read_bytes() == local_file(source, uri).read_bytes()
+    assert {p: p.read_bytes() for p in before} == before
+    shutil.rmtree(back.parent)
 
 
 def is_mine(animation: Mapping[str, Any]) -> bool:
@@ -141,8 +170,10 @@ def require_played(
     wanted = dict(zip(curves.names, curves.sample(at).T, strict=True))
     played = reader.weights(name, at)
     driven = set()
+    # Targets without names may be called after a VRM's expressions.
+    loaded = {int(m.path.rpartition("/")[2]): m.shapes for m in FORMAT.load(reader.path).meshes}
     for node, (names, rest) in owners(document_of(reader.path)).items():
-        names = names or [f"target_{i}" for i in range(len(rest))]
+        names = names or [*loaded[node]]
         own = [canonical[n] for n in names]
         if not set(own) & set(wanted):
             assert node not in played
@@ -153,6 +184,20 @@ def require_played(
         played.pop(node)
     assert played == {}
     assert driven == set(wanted)
+
+
+def require_agreement(
+    played: Mapping[str, Floats], ours: CurveSet, at_s: Floats, character: Character
+) -> None:
+    """A judge's weights per node are those of `ours`, on every mesh of the character."""
+    meshes = {mesh.path.rpartition("/")[2]: mesh for mesh in character.meshes}
+    assert {node.partition("/")[0] for node in played} == meshes.keys()
+    wanted = ours.sample(at_s)
+    for node, weights in played.items():
+        names = [character.canonical[shape] for shape in meshes[node.partition("/")[0]].shapes]
+        columns = [ours.names.index(name) for name in names]
+        np.testing.assert_allclose(weights, wanted[:, columns], atol=1e-4)
+        assert np.ptp(weights, axis=0).max() > 0.1
 
 
 def external_buffer(folder: Path, binary: bytes = TRIANGLE) -> Json:

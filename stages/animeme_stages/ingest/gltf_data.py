@@ -27,17 +27,26 @@ def local_file(path: Path, uri: str) -> Path:
     """The file that a URI of the asset at `path` names, always within the asset's folder.
 
     Raises:
-        InputError: the URI is absolute, names a host, or leaves the folder.
+        InputError: the URI is absolute, names a host, or leaves the folder, be it by a link.
     """
     inner = _inner_path(uri)
-    if inner is None:
+    folder = path.parent
+    if inner is None or not _is_within(folder.joinpath(*inner.parts), folder):
         raise InputError(
             "asset-uri-refused",
             f"refers to {uri[:120]!r}, which is not a file in its own folder",
             place=str(path),
             action="Put the file beside the asset and use a relative URI.",
         )
-    return path.parent.joinpath(*inner.parts)
+    return folder.joinpath(*inner.parts)
+
+
+def _is_within(file: Path, folder: Path) -> bool:
+    """Whether a file is in a folder once links are followed."""
+    try:
+        return file.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError):  # links in a circle, names that no system takes
+        return False
 
 
 def _inner_path(uri: str) -> PurePosixPath | None:

@@ -25,16 +25,22 @@ def require_sound(container: Container) -> None:
         raise unreadable(container.path, f"is broken at {pointer}: {problem}")
 
 
-def mark_of(animation: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    """The note that we leave in animations of ours; None in everybody else's."""
-    extras = animation.get("extras")
+def mark_of(item: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """The note that we leave in what is ours; None in everybody else's."""
+    extras = item.get("extras")
     note = extras.get(_MARK) if isinstance(extras, dict) else None
     return note if isinstance(note, dict) else None
 
 
 def marked(note: Mapping[str, Any]) -> dict[str, Any]:
-    """Extras that make an animation ours."""
+    """Extras that make an animation, or a buffer view, ours."""
     return {_MARK: dict(note)}
+
+
+def line_of(animation: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Line and language of an animation of ours, None for somebody else's."""
+    note = mark_of(animation)
+    return (str(note.get("line")), str(note.get("language"))) if note is not None else None
 
 
 def _problems(root: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

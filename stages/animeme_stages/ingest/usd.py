@@ -1,42 +1,39 @@
-"""Characters from USD: which meshes speak, through which skeleton, and what moves them already.
-
-Bindings are resolved by UsdSkel itself, never from prim names: a SkelAnimation may lie unbound, or
-apply to a mesh three namespaces away.
-"""
+"""Characters from USD: what they can say something with, and what moves them already."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdSkel
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdSkel, Vt
 
 from animeme.errors import InputError
 from animeme.rig import Character, MeshShapes
+from animeme_stages.ingest.usd_meshes import SpeakingMesh, bound_prim, host_prim
+from animeme_stages.ingest.usd_references import require_local
+from animeme_stages.ingest.usd_variants import driven_meshes, speaking_variant
 
 SCOPE = "Dialogue"  # holds the lines, below the character's prim
 POINTER = "active"  # the animation that the skeleton is bound to; reserved, never a line
+SOUND = "sound"  # the recording of the line that a variant chooses; reserved too
 CUSTOM_DATA = "animeme"  # key of the customData dictionary on prims that we author
 
 
-@dataclass(frozen=True)
-class SpeakingMesh:
-    """A mesh with blendshapes that a skeleton's animation drives.
-
-    Attributes:
-        path: the mesh's prim.
-        shapes: its ``skel:blendShapes``, in the mesh's own order.
-        skeleton: the skeleton's prim.
-    """
-
-    path: Sdf.Path
-    shapes: tuple[str, ...]
-    skeleton: Sdf.Path
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep what pxr warns of from standard error; its exceptions pass."""
+    # Python can hold back pxr's warnings only since usd-core 26; older ones print them.
+    trap: Any = getattr(Tf, "DiagnosticTrap", nullcontext)
+    with trap() as held:
+        try:
+            yield
+        finally:
+            if held is not None:
+                held.Clear()
 
 
 @contextmanager
@@ -46,16 +43,10 @@ def usd_errors(path: Path) -> Iterator[None]:
     Raises:
         InputError: ``asset-unreadable``.
     """
-    # Python can hold back pxr's warnings only since usd-core 26; older ones print them.
-    trap: Any = getattr(Tf, "DiagnosticTrap", nullcontext)
     try:
-        with trap() as held:
-            try:
-                yield
-            finally:
-                if held is not None:
-                    held.Clear()
-    except Tf.ErrorException as error:
+        with quiet():
+            yield
+    except (Tf.ErrorException, UnicodeDecodeError) as error:  # names that are no UTF-8
         raise InputError(
             "asset-unreadable",
             f"cannot be read as USD: {_reason(error)}",
@@ -66,6 +57,8 @@ def usd_errors(path: Path) -> Iterator[None]:
 
 def _reason(error: Any) -> str:
     """The first of the messages in a pxr exception, without source positions."""
+    if isinstance(error, UnicodeDecodeError):
+        return "a name in it is not UTF-8"
     messages = [getattr(argument, "commentary", str(argument)) for argument in error.args]
     return " ".join((messages or [str(error)])[0].split()).rstrip(".")
 
@@ -76,6 +69,17 @@ def open_stage(path: Path) -> Usd.Stage:
     Raises:
         InputError: ``asset-unreadable``: it does not exist, or is damaged or no USD.
     """
+    require_file(path)
+    with usd_errors(path):
+        return Usd.Stage.Open(str(path))
+
+
+def require_file(path: Path) -> None:
+    """Make sure that there is a file at `path`.
+
+    Raises:
+        InputError: ``asset-unreadable``.
+    """
     if not path.is_file():
         raise InputError(
             "asset-unreadable",
@@ -83,35 +87,6 @@ def open_stage(path: Path) -> Usd.Stage:
             place=str(path),
             action="Check the path.",
         )
-    with usd_errors(path):
-        return Usd.Stage.Open(str(path))
-
-
-def speaking_meshes(stage: Usd.Stage) -> tuple[SpeakingMesh, ...]:
-    """Every mesh whose blendshapes a skeleton's animation drives, in stage order.
-
-    Meshes inside instances are included: only the skeleton must be editable to drive them.
-    """
-    everywhere = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
-    cache = UsdSkel.Cache()
-    found: dict[Sdf.Path, SpeakingMesh] = {}
-    for prim in Usd.PrimRange.Stage(stage, everywhere):
-        if not prim.IsA(UsdSkel.Root):
-            continue
-        root = UsdSkel.Root(prim)
-        cache.Populate(root, everywhere)
-        for binding in cache.ComputeSkelBindings(root, everywhere):
-            skeleton = binding.GetSkeleton().GetPrim().GetPath()
-            for query in binding.GetSkinningTargets():
-                if query.HasBlendShapes() and query.GetPrim().IsA(UsdGeom.Mesh):
-                    path = query.GetPrim().GetPath()
-                    shapes = tuple(str(name) for name in query.GetBlendShapeOrder())
-                    found[path] = SpeakingMesh(path, shapes, skeleton)
-    return tuple(
-        found[prim.GetPath()]
-        for prim in Usd.PrimRange.Stage(stage, everywhere)
-        if prim.GetPath() in found and found[prim.GetPath()].shapes
-    )
 
 
 def is_ours(prim: Usd.Prim) -> bool:
@@ -153,7 +128,8 @@ def _usable(prim: Usd.Prim) -> bool:
 
 def shape_names(animation: UsdSkel.Animation) -> tuple[str, ...]:
     """The animation's ``blendShapes``; empty if it has none."""
-    return tuple(str(name) for name in animation.GetBlendShapesAttr().Get() or ())
+    names = animation.GetBlendShapesAttr().Get()
+    return tuple(map(str, names)) if isinstance(names, Vt.TokenArray) else ()
 
 
 def weight_samples(
@@ -162,27 +138,42 @@ def weight_samples(
     """The animation's weights as they are stored.
 
     Returns:
-        Time codes, shape (T,), and T rows, each as long as the file has it. A value without time
-        is one row at time code 0; without any value T = 0.
+        Time codes, shape (T,), and T rows, each as long as the file has it; empty where it has
+        something else than numbers. A value without time is one row at time code 0; without any
+        value T = 0.
     """
     attribute = animation.GetBlendShapeWeightsAttr()
     codes = attribute.GetTimeSamples()
     values = [attribute.Get(code) for code in codes] or [attribute.Get()]
-    rows = [np.asarray(value, dtype=np.float32) for value in values if value is not None]
+    rows = [
+        np.asarray(value if isinstance(value, Vt.FloatArray) else (), dtype=np.float32)
+        for value in values
+        if value is not None
+    ]
     return np.array((codes or [0.0])[: len(rows)], dtype=np.float64), rows
 
 
-def load_usd(path: Path) -> Character:
+def load_usd(path: Path, folder: Path) -> Character:
     """The character in the USD file at `path`.
 
+    Args:
+        path: the file.
+        folder: where all of its layers must be.
+
     Raises:
-        InputError: ``asset-unreadable``; ``asset-no-blendshapes``; ``asset-no-skeleton``: no
-            animation could reach its blendshapes; ``asset-instanced``: its skeleton is inside an
-            instance, where nothing can be edited.
+        InputError: ``asset-unreadable``; ``asset-uri-refused``: it refers to layers outside
+            `folder`; ``asset-no-blendshapes``; ``asset-no-skeleton``: no animation could reach its
+            blendshapes; ``asset-variant-unselected``: only with another variant could it speak;
+            ``asset-instanced``: its skeleton is inside an instance that takes no other animation;
+            ``asset-time-invalid``: its time codes have no length.
     """
+    require_file(path)
+    with usd_errors(path):
+        require_local(path, folder)
     stage = open_stage(path)
     with usd_errors(path):
-        meshes = speaking_meshes(stage)
+        _require_time(stage, path)
+        meshes = driven_meshes(stage)
         _refuse_instanced(stage, meshes, path)
         if not meshes:
             raise _nothing_to_drive(stage, path)
@@ -204,17 +195,40 @@ def load_usd(path: Path) -> Character:
         )
 
 
+def _require_time(stage: Usd.Stage, path: Path) -> None:
+    layer = stage.GetRootLayer()
+    for name, rate_hz in (
+        ("timeCodesPerSecond", stage.GetTimeCodesPerSecond()),
+        ("framesPerSecond", layer.framesPerSecond),
+        ("startTimeCode", 1.0 + abs(stage.GetStartTimeCode())),
+        ("endTimeCode", 1.0 + abs(stage.GetEndTimeCode())),
+    ):
+        if not 0.0 < rate_hz < np.inf:
+            raise InputError(
+                "asset-time-invalid",
+                f"its {name} is no number that time could be told by",
+                place=str(path),
+                action="Set it in the asset; 24, 30 and 60 per second are usual.",
+            )
+
+
 def _refuse_instanced(stage: Usd.Stage, meshes: tuple[SpeakingMesh, ...], path: Path) -> None:
     for mesh in meshes:
-        prim = stage.GetPrimAtPath(mesh.skeleton)
-        if not prim.IsInstanceProxy():
+        bound = bound_prim(stage, mesh.skeleton)
+        if bound is not None and host_prim(stage, bound) is not None:
             continue
-        while not prim.IsInstance():
+        prim = stage.GetPrimAtPath(mesh.skeleton) if bound is None else bound
+        while prim.IsInstanceProxy():
             prim = prim.GetParent()
+        why = (
+            "and bound to an animation there, where USD allows no edits"
+            if bound is None
+            else "which is the root of the asset, where nothing can be added"
+        )
         raise InputError(
             "asset-instanced",
             f"the skeleton {mesh.skeleton} of {mesh.path} is inside the instance "
-            f"{prim.GetPath()}, where USD allows no edits",
+            f"{prim.GetPath()}, {why}",
             place=str(path),
             action=f"Set 'instanceable = false' on {prim.GetPath()}, or export the character "
             "without instancing.",
@@ -223,13 +237,24 @@ def _refuse_instanced(stage: Usd.Stage, meshes: tuple[SpeakingMesh, ...], path: 
 
 def _nothing_to_drive(stage: Usd.Stage, path: Path) -> InputError:
     """Why no mesh of `stage` can be driven."""
+    if found := speaking_variant(stage):
+        prim_path, name, variant = found
+        return InputError(
+            "asset-variant-unselected",
+            f"nothing in it can speak as it is; with the variant '{variant}' of '{name}' on "
+            f"{prim_path} it could",
+            place=str(path),
+            action="Select that variant in the asset, or in a layer of your own that sublayers it.",
+        )
+    problem = "no mesh has blendshapes"
     for prim in stage.Traverse(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
         binding = UsdSkel.BindingAPI(prim)
-        if (
-            prim.IsA(UsdGeom.Mesh)
-            and binding.GetBlendShapesAttr().Get()
-            and binding.GetBlendShapeTargetsRel().GetTargets()
-        ):
+        if not (prim.IsA(UsdGeom.Mesh) and binding.GetBlendShapesAttr().Get()):
+            continue
+        targets = map(stage.GetPrimAtPath, binding.GetBlendShapeTargetsRel().GetTargets())
+        if not any(target and target.IsA(UsdSkel.BlendShape) for target in targets):
+            problem = f"{prim.GetPath()} names blendshapes, but there are none behind the names"
+        else:
             return InputError(
                 "asset-no-skeleton",
                 f"the blendshapes of {prim.GetPath()} are not bound to a skeleton, so that no "
@@ -238,7 +263,6 @@ def _nothing_to_drive(stage: Usd.Stage, path: Path) -> InputError:
                 action="Put mesh and skeleton below one SkelRoot, apply SkelBindingAPI to the "
                 "mesh and set its 'skel:skeleton'; exporters do so for a mesh with an armature.",
             )
-    problem = "no mesh has blendshapes"
     if errors := stage.GetCompositionErrors():
         problem += f"; but parts of the asset are missing: {' '.join(str(errors[0]).split())}"
     return InputError(

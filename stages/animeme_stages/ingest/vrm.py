@@ -1,83 +1,93 @@
-"""What a VRM file calls its poses: expressions (1.0) and blend shape groups (0.x).
+"""VRM's expressions: poses that the file names, and the morph targets that they are bound to.
 
-After the schemas of VRMC_vrm 1.0 (expressions.schema.json) and VRM 0.x (blendshape.schema.json).
+Both are read: VRM 1.0 (``VRMC_vrm``) binds by node, VRM 0.x (``VRM``) by mesh and in percent. What
+is malformed is left out; it is no reason not to animate the mesh.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 from animeme.rig import Drive, MeshShapes, canonical_names
 
-# VRM 0.x counts bind weights in percent.
-_PERCENT = 100.0
+# VRM 0.x's presets of the mouth, as its models call them.
+_VOWELS_0 = {"a": "A", "i": "I", "u": "U", "e": "E", "o": "O"}
+_MALFORMED = (AttributeError, IndexError, KeyError, TypeError, ValueError)
+
+Bind = tuple[str, int, float]  # node or mesh as a JSON pointer, target, weight
 
 
 def expressions(
     root: Mapping[str, Any], meshes: Sequence[MeshShapes]
 ) -> dict[str, tuple[Drive, ...]]:
-    """Each expression that moves shapes, as the shapes that it binds; {} where the file is no VRM.
-
-    A bind that points at nothing is left out, as viewers do: the asset can be driven without it.
+    """Expressions that move a morph target, as drives of canonical shape names.
 
     Args:
-        root: the file's JSON.
-        meshes: what was read of it, one per node.
+        root: the glTF document.
+        meshes: of the character.
     """
     canonical = canonical_names([mesh.shapes for mesh in meshes])
-    shapes = {mesh.path: [canonical[name] for name in mesh.shapes] for mesh in meshes}
+    by_path = {mesh.path: mesh for mesh in meshes}
+    for mesh in meshes:
+        node = root["nodes"][int(mesh.path.rpartition("/")[2])]
+        by_path.setdefault(f"/meshes/{node['mesh']}", mesh)
     found: dict[str, tuple[Drive, ...]] = {}
-    for name, binds in (*_version_1(root), *_version_0(root)):
+    for name, binds in _expressions(root):
         drives: dict[str, float] = {}
-        for node, index, weight in binds:
-            own = shapes.get(f"/nodes/{node}", [])
-            if isinstance(index, int) and 0 <= index < len(own) and _is_number(weight):
-                drives[own[index]] = max(drives.get(own[index], 0.0), min(float(weight), 1.0))
-        moved = tuple(Drive(shape, weight) for shape, weight in drives.items() if weight > 0)
-        if moved:
-            found.setdefault(name, moved)
+        for path, index, weight in binds:
+            owner = by_path.get(path)
+            if owner is not None and 0 <= index < len(owner.shapes) and weight:
+                drives.setdefault(canonical[owner.shapes[index]], weight)
+        if drives and name not in found:
+            found[name] = tuple(Drive(shape, gain) for shape, gain in drives.items())
     return found
 
 
-_Binds = list[tuple[Any, Any, Any]]
+def bound_names(root: Mapping[str, Any]) -> dict[tuple[str, int], str]:
+    """Node or mesh, and target → the expression that says most about that target alone.
+
+    Names for targets that have none.
+    """
+    fewest: dict[tuple[str, int], tuple[int, str]] = {}
+    for name, binds in _expressions(root):
+        for path, index, _ in binds:
+            other = fewest.get((path, index))
+            if other is None or len(binds) < other[0]:
+                fewest[path, index] = len(binds), name
+    return {place: name for place, (_, name) in fewest.items()}
 
 
-def _version_1(root: Mapping[str, Any]) -> Iterator[tuple[str, _Binds]]:
-    groups = _member(_member(root, "extensions"), "VRMC_vrm")
-    for kind in ("preset", "custom"):
-        for name, expression in _member(_member(groups, "expressions"), kind).items():
-            binds = _items(expression, "morphTargetBinds")
-            yield name, [(b.get("node"), b.get("index"), b.get("weight")) for b in binds]
+def _expressions(root: Mapping[str, Any]) -> Iterator[tuple[str, list[Bind]]]:
+    with suppress(*_MALFORMED):
+        declared = root["extensions"]["VRMC_vrm"]["expressions"]
+        for kind in ("preset", "custom"):
+            for name, expression in declared.get(kind, {}).items():
+                if isinstance(expression, dict) and expression.get("isBinary") is not True:
+                    yield name, list(_binds_1(expression))
+    with suppress(*_MALFORMED):
+        for group in root["extensions"]["VRM"]["blendShapeMaster"]["blendShapeGroups"]:
+            if isinstance(group, dict) and group.get("isBinary") is not True:
+                preset = str(group.get("presetName", "unknown")).lower()
+                name = str(group.get("name", "")) if preset == "unknown" else preset
+                yield _VOWELS_0.get(name, name), list(_binds_0(group))
 
 
-def _version_0(root: Mapping[str, Any]) -> Iterator[tuple[str, _Binds]]:
-    master = _member(_member(_member(root, "extensions"), "VRM"), "blendShapeMaster")
-    nodes = _items(root, "nodes")
-    for group in _items(master, "blendShapeGroups"):
-        preset = group.get("presetName")
-        known = isinstance(preset, str) and preset not in ("", "unknown")
-        name = preset if known else group.get("name")
-        binds = [
-            (node, bind.get("index"), bind["weight"] / _PERCENT)
-            for bind in _items(group, "binds")
-            if _is_number(bind.get("weight"))
-            for node, holder in enumerate(nodes)
-            if holder.get("mesh") == bind.get("mesh")
-        ]
-        if isinstance(name, str) and name:
-            yield name, binds
+def _binds_1(expression: Mapping[str, Any]) -> Iterator[Bind]:
+    with suppress(*_MALFORMED):
+        for bind in expression.get("morphTargetBinds", []):
+            yield f"/nodes/{int(bind['node'])}", int(bind["index"]), _finite(bind["weight"])
 
 
-def _member(holder: Any, name: str) -> Mapping[str, Any]:
-    member = holder.get(name) if isinstance(holder, dict) else None
-    return member if isinstance(member, dict) else {}
+def _binds_0(group: Mapping[str, Any]) -> Iterator[Bind]:
+    with suppress(*_MALFORMED):
+        for bind in group.get("binds", []):
+            yield f"/meshes/{int(bind['mesh'])}", int(bind["index"]), _finite(bind["weight"]) / 100
 
 
-def _items(holder: Any, name: str) -> list[Mapping[str, Any]]:
-    items = holder.get(name) if isinstance(holder, dict) else None
-    return [item for item in items if isinstance(item, dict)] if isinstance(items, list) else []
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e9
+def _finite(value: Any) -> float:
+    number = float(value)
+    if not abs(number) < 1e6:
+        raise ValueError("no weight")
+    return number

@@ -106,7 +106,7 @@ def _ramp(neighbour_s: float, *, squeezed: bool) -> float:
     A short vowel between two contacts would never open otherwise.
     """
     share, shortest_s = (0.5, SQUEEZED_RAMP_S) if squeezed else (0.75, SHORTEST_RAMP_S)
-    return float(np.clip(share * neighbour_s, shortest_s, LONGEST_RAMP_S))
+    return min(max(share * neighbour_s, shortest_s), LONGEST_RAMP_S)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from typing import Any, ClassVar, Literal
 
@@ -24,12 +24,17 @@ from animeme_stages.synthesize.dominance import Dominance2012
 from animeme_stages.synthesize.fitted import FittedModel, frames_of, spreads
 from animeme_stages.synthesize.fitting import weights_of
 from animeme_stages.synthesize.modes import Modes, find_modes
-from animeme_stages.synthesize.numbers import array_from, rounded
+from animeme_stages.synthesize.numbers import rounded
 from animeme_stages.synthesize.spoken import Ints, Spoken, legendre, spoken
 from animeme_stages.synthesize.trees import Forest, Growth, grow
+from animeme_stages.synthesize.trends import Trends, learn_trends
 
-# Significant digits of a leaf, of which a phone adds up a hundred: the documents stay below 1 MB.
-LEAF_DIGITS = 4
+# Leaves are multiples of this part of their control's spread: documents stay below 1 MB, and the
+# sum of hundreds of them is off by less than a hundredth of the spread.
+LEAF_STEP = 5e-4
+# The part of trends in the mean of both, and the penalty on their squares, in frames.
+TREND_SHARE = 0.4
+TREND_RIDGE = 30.0
 
 
 @dataclass(frozen=True)
@@ -44,8 +49,8 @@ class DamOptions:
     method: Literal["projection", "em"] = "projection"
     hold_s: float = field(default=0.8, metadata={"low": 0.1, "high": 10})
     ridge: float = field(default=0.1, metadata={"low": 0, "high": 1e6})
-    rounds: int = field(default=150, metadata={"low": 0, "high": 2000})
-    depth: int = field(default=6, metadata={"low": 1, "high": 8})
+    rounds: int = field(default=400, metadata={"low": 0, "high": 2000})
+    depth: int = field(default=4, metadata={"low": 1, "high": 8})
     rate: float = field(default=0.08, metadata={"low": 0.001, "high": 1})
     leaf: int = field(default=15, metadata={"low": 1, "high": 10000})
     leaf_ridge: float = field(default=3.0, metadata={"low": 0, "high": 1e6})
@@ -66,6 +71,7 @@ class Dam(FittedModel):
         modes_: of "affinity".
         questions_: of "context": what the trees ask.
         forest_: of "context".
+        trends_: of "context".
     """
 
     name: ClassVar[str] = "dam"
@@ -79,6 +85,7 @@ class Dam(FittedModel):
         self.modes_ = Modes((), (), np.zeros((0, 1)), ())
         self.questions_ = Questionnaire((), ())
         self.forest_ = Forest(np.zeros((0, 1), np.int64), np.zeros((0, 2, 1, 0)))
+        self.trends_ = Trends.none()
 
     @classmethod
     def default(cls) -> Dam:
@@ -113,27 +120,34 @@ class Dam(FittedModel):
     def _grow(
         self, phones: Spoken, unit: Ints, times_s: Floats, values: Floats, listener: Listener
     ) -> None:
-        """Let trees find what the phones' own animemes leave."""
+        """Let trees and trends find what the phones' own animemes leave, each on its own."""
         options, animemes = self.options, self.animemes_
         pairs = animemes.pairs(phones, unit, times_s)
         d, _ = animemes.dominance.value(pairs, animemes.sigma[0][unit[pairs.phone]])
         weight, _ = weights_of(d, pairs, normalise=animemes.normalise)
         questions = Questionnaire(possible_questions(phones), tuple(self.seen_))
         spread = spreads(values)
-        left = (values - animemes.move(phones, unit, times_s)) / spread
+        left = np.nan_to_num((values - animemes.move(phones, unit, times_s)) / spread, nan=0.0)
+        basis = legendre(pairs.local, options.degree, BEYOND)
+        trends = learn_trends(
+            pairs, weight, basis, phones, unit, len(self.seen_), left, TREND_RIDGE
+        )
         growth = Growth(
             options.rounds, options.depth, options.rate, options.leaf, options.leaf_ridge
         )
         forest = grow(
-            pairs, weight, legendre(pairs.local, options.degree, BEYOND),
-            questions.answers(phones), np.nan_to_num(left, nan=0.0), growth,
+            pairs, weight, basis, questions.answers(phones), left, growth,
             lambda part: listener("trees", part),
         )  # fmt: skip
         used, number = np.unique(forest.asked, return_inverse=True)
         asked = number.reshape(forest.asked.shape) - (1 if len(used) and used[0] < 0 else 0)
         kept = [questions.questions[i] for i in used if i >= 0]
         self.questions_ = Questionnaire(kept, tuple(self.seen_))
-        self.forest_ = Forest(asked, rounded(forest.leaves * spread, LEAF_DIGITS))
+        step = rounded(spread * LEAF_STEP, 3)
+        leaves = (1.0 - TREND_SHARE) * forest.leaves * spread
+        self.forest_ = Forest(asked, leaves).in_steps(step)
+        effects = np.rint(TREND_SHARE * trends.effects * spread / step) * step
+        self.trends_ = replace(trends, effects=effects, step=step)
 
     def _move(self, track: PhoneTrack, times_s: Floats) -> Floats:
         phones = spoken([track])
@@ -147,6 +161,8 @@ class Dam(FittedModel):
             unit = self.rows(phones.symbols)
         if self.options.modes == "context":
             added = self.forest_.coefficients(self.questions_.answers(phones))
+            if len(self.trends_.effects):
+                added += self.trends_.coefficients(phones, unit)
         return self.animemes_.move(phones, unit, times_s, added)
 
     def _to_json(self) -> dict[str, Any]:
@@ -155,8 +171,9 @@ class Dam(FittedModel):
             found["modes"] = self.modes_.to_json()
         if self.options.modes == "context":
             found["questions"] = [question.to_json() for question in self.questions_.questions]
-            found["asked"] = self.forest_.asked.tolist()
-            found["leaves"] = self.forest_.leaves.tolist()
+            found |= self.forest_.to_json()
+            if len(self.trends_.effects):
+                found["trends"] = self.trends_.to_json()
         return found
 
     def _from_json(self, learned: Mapping[str, Any]) -> None:
@@ -173,14 +190,11 @@ class Dam(FittedModel):
             seen = frozenset(self.seen_)
             questions = [Question.from_json(entry, seen) for entry in learned["questions"]]
             self.questions_ = Questionnaire(questions, tuple(self.seen_))
-            self.forest_ = self._forest(learned, len(questions))
-
-    def _forest(self, learned: Mapping[str, Any], questions: int) -> Forest:
-        options = self.options
-        size = 2**options.depth
-        asked = array_from(learned["asked"], (None, size - 1), "asked").astype(np.int64)
-        shape = (len(asked), size, options.degree + 1, len(self.controls_))
-        leaves = array_from(learned["leaves"], shape, "leaves")
-        if len(asked) and (asked.min() < -1 or asked.max() >= questions):
-            raise ValueError("a tree asks a question that is not listed")
-        return Forest(asked, leaves)
+            self.forest_ = Forest.from_json(
+                learned, depth=options.depth, shape=(options.degree + 1, controls),
+                questions=len(questions),
+            )  # fmt: skip
+            if "trends" in learned:  # later than the first documents of version 1
+                self.trends_ = Trends.from_json(
+                    learned["trends"], units, (options.degree + 1, controls)
+                )

@@ -9,7 +9,8 @@ for the Hessian, because a leaf is a polynomial.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,10 +19,15 @@ import numpy as np
 from animeme.curves import Floats
 from animeme_stages.synthesize.context import Booleans
 from animeme_stages.synthesize.fitting import design_matrix
+from animeme_stages.synthesize.numbers import array_from
 from animeme_stages.synthesize.spoken import Ints, Pairs
 
 # Phones whose leaves are gathered at once: what they take stays within a processor's cache.
 _AT_ONCE = 64
+# The part of all questions that may be asked at each level of each tree, drawn anew: trees grow
+# faster, and differ more (as in random forests: Breiman 2001), at the same held-out error.
+_SHARE = 0.15
+_SEED = 2012
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,15 +38,58 @@ class Forest:
         asked: shape (R, 2^depth − 1), index of each node's question, −1 where none is asked (the
             answer then is no).
         leaves: shape (R, 2^depth, M + 1, N), coefficients.
+        step: shape (N,): leaves are whole multiples of it, and documents keep how many; None for
+            one read from a document that keeps the coefficients themselves.
     """
 
     asked: Ints
     leaves: Floats
+    step: Floats | None = None
 
     @property
     def depth(self) -> int:
         """Questions on the way to a leaf."""
         return int(self.leaves.shape[1]).bit_length() - 1
+
+    def in_steps(self, step: Floats) -> Forest:
+        """The forest with its leaves rounded to multiples of `step`, shape (N,)."""
+        return Forest(self.asked, np.rint(self.leaves / step) * step, step)
+
+    def to_json(self) -> dict[str, Any]:
+        """What documents keep."""
+        leaves: Any = self.leaves.tolist()
+        if self.step is not None:
+            counts = np.rint(self.leaves / self.step).astype(np.int64)
+            leaves = {"step": self.step.tolist(), "counts": counts.tolist()}
+        return {"asked": self.asked.tolist(), "leaves": leaves}
+
+    @classmethod
+    def from_json(
+        cls, learned: Mapping[str, Any], *, depth: int, shape: tuple[int, int], questions: int
+    ) -> Forest:
+        """Read what `to_json` wrote.
+
+        Args:
+            learned: has "asked" and "leaves".
+            depth: of the trees.
+            shape: (M + 1, N).
+            questions: how many are listed.
+
+        Raises:
+            ValueError: it does not fit.
+        """
+        size = 2**depth
+        asked = array_from(learned["asked"], (None, size - 1), "asked").astype(np.int64)
+        if len(asked) and (asked.min() < -1 or asked.max() >= questions):
+            raise ValueError("a tree asks a question that is not listed")
+        leaves, step = learned["leaves"], None
+        whole = (len(asked), size, *shape)
+        if isinstance(leaves, Mapping):
+            step = array_from(leaves["step"], shape[1:], "step")
+            if (step <= 0).any():
+                raise ValueError("step must be positive")
+            return cls(asked, np.rint(array_from(leaves["counts"], whole, "counts")) * step, step)
+        return cls(asked, array_from(leaves, whole, "leaves"))
 
     def leaf_of(self, answers: Booleans) -> Ints:
         """The leaf of each phone in each tree: (J, Q) → (J, R)."""
@@ -154,6 +203,7 @@ class _Search:
         self.width = hessians.shape[1]
         self.upper = np.triu_indices(self.width)
         self.packed = hessians[:, self.upper[0], self.upper[1]]
+        self.draw = np.random.default_rng(_SEED)
 
     def tree(self, gradient: Floats) -> tuple[Ints, Floats, Ints]:
         """One tree: its questions, its leaves, and the leaf of each phone."""
@@ -165,10 +215,13 @@ class _Search:
         asked = np.full(2**growth.depth - 1, -1, dtype=np.int64)
         place = np.zeros(phones, dtype=np.int64)
         for level in range(growth.depth):
+            drawn = self._drawn()
+            table = self.table[drawn]
             for node in range(2**level):
                 members = np.flatnonzero(place == node)
                 if len(members) >= 2 * growth.leaf:
-                    asked[2**level - 1 + node] = self._best(members, single)
+                    best = self._best(members, single, table)
+                    asked[2**level - 1 + node] = drawn[best] if best >= 0 else -1
             question = asked[2**level - 1 + place]
             yes = self.answers[np.arange(phones), np.maximum(question, 0)] & (question >= 0)
             place = 2 * place + yes
@@ -178,12 +231,17 @@ class _Search:
         _, leaves = self._gain(sums)
         return asked, growth.rate * leaves, place
 
-    def _best(self, members: Ints, single: Any) -> int:
-        """The question that lowers the error most, −1 if none divides `members`."""
+    def _drawn(self) -> Ints:
+        """The questions that may be asked at one level, in order."""
+        count = math.ceil(_SHARE * len(self.table))
+        return np.sort(self.draw.choice(len(self.table), count, replace=False))
+
+    def _best(self, members: Ints, single: Any, table: Any) -> int:
+        """The row of `table` that lowers the error most, −1 if none divides `members`."""
         own = single[members]
         total = own.sum(axis=0, dtype=np.float64)
-        everyone = len(members) == self.table.shape[1]
-        yes = ((self.table if everyone else self.table[:, members]) @ own).astype(np.float64)
+        everyone = len(members) == table.shape[1]
+        yes = ((table if everyone else table[:, members]) @ own).astype(np.float64)
         leaf = self.growth.leaf
         able = np.flatnonzero((yes[:, -1] >= leaf) & (total[-1] - yes[:, -1] >= leaf))
         if not len(able):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import filecmp
 import os
+import secrets
 import shutil
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from urllib.parse import unquote
@@ -33,13 +35,6 @@ class Companions:
     uris: tuple[str, ...]
     asset: str
 
-    def copy(self) -> list[Path]:
-        """Copy them and return the new files."""
-        for file, target in self.copies:
-            with atomic_path(target) as scratch:
-                shutil.copyfile(file, scratch)
-        return [target for _, target in self.copies]
-
 
 def companions(source: Path, uris: Sequence[str], target: Path) -> Companions:
     """What has to come along from `source` to `target`.
@@ -60,7 +55,7 @@ def companions(source: Path, uris: Sequence[str], target: Path) -> Companions:
         if copy.is_file():
             if filecmp.cmp(file, copy, shallow=False):
                 continue
-            if set(_owners(copy, target.parent)) != {asset}:
+            if set(owners(copy, target.parent)) != {asset}:
                 raise InputError(
                     "asset-file-clash",
                     f"needs '{uri}', but another asset's file of that name is there",
@@ -71,7 +66,7 @@ def companions(source: Path, uris: Sequence[str], target: Path) -> Companions:
     return Companions(tuple(copies), tuple(uris), asset)
 
 
-def _owners(file: Path, folder: Path) -> Iterator[str]:
+def owners(file: Path, folder: Path) -> Iterator[str]:
     """For each asset in `folder` that refers to `file`: the source it was made from, "" if none."""
     for path in sorted(folder.iterdir()):
         if path.suffix.lower() not in _SUFFIXES:
@@ -93,3 +88,35 @@ def side_car_name(target: Path, taken: Sequence[str]) -> str:
         number += 1
         name = f"{target.stem}.animeme-{number}.bin"
     return name
+
+
+@contextmanager
+def placed(files: Sequence[tuple[Path | bytes, Path]]) -> Iterator[None]:
+    """Put files in their places; if anything is raised, all is as it was before.
+
+    Args:
+        files: (what to copy, or the content; where to) of each.
+    """
+    kept: list[tuple[Path, Path]] = []  # what was there → where it waits
+    new: list[Path] = []
+    try:
+        for content, path in files:
+            if path.is_file():
+                aside = path.with_name(f".{secrets.token_hex(4)}{path.suffix}")
+                path.replace(aside)
+                kept.append((path, aside))
+            with atomic_path(path) as scratch:
+                if isinstance(content, Path):
+                    shutil.copyfile(content, scratch)
+                else:
+                    scratch.write_bytes(content)
+            new.append(path)
+        yield
+    except BaseException:
+        for path in new:
+            path.unlink(missing_ok=True)
+        for path, aside in kept:
+            aside.replace(path)
+        raise
+    for _, aside in kept:
+        aside.unlink(missing_ok=True)

@@ -11,6 +11,7 @@ from typing import Any
 from animeme_stages.ingest.glb import Chunk, Container
 from animeme_stages.ingest.gltf_data import external_uris, local_file
 from animeme_stages.ingest.gltf_document import mark_of
+from animeme_stages.write.gltf_origin import our_lines, past_of
 
 _PIECE = 1 << 20
 
@@ -19,8 +20,34 @@ def harm(source: Container, output: Container) -> list[str]:
     """One sentence for each old JSON value or byte that is not as it was; [] if all are.
 
     Allowed are: elements after the old ones of an array, new members, a longer buffer 0 of a GLB,
-    and a new version of an animation of ours.
+    and new versions of our own animations. Where `source` is itself an earlier output of ours, its
+    own source has to be in `output`, and every line that it had.
     """
+    lost = sorted(set(our_lines(source)) - set(our_lines(output)))
+    found = [f"the line '{name}' of an earlier run is gone" for name in lost]
+    before, after = past_of(source), past_of(output, verified=False)
+    source = before.source if before else source
+    if after is None or not _same_text(source, after.source):
+        # The quick way is to take what is ours out again; this one says what differs.
+        found += _json_changes(source, output)
+    if source.bin is not None and not (
+        output.bin is not None and _is_prefix(source, source.bin, output, output.bin)
+    ):
+        found.append("the old binary chunk is not the beginning of the new one")
+    if not _same_chunks(source, output):
+        found.append("another chunk of the file was lost or changed")
+    for uri in external_uris(source.json):
+        theirs, copy = local_file(source.path, uri), local_file(output.path, uri)
+        if theirs.is_file() and not (copy.is_file() and _same_files(theirs, copy)):
+            found.append(f"its file '{uri}' is not beside the output as it was")
+    return found
+
+
+def _same_text(source: Container, other: Container) -> bool:
+    return source.text == other.text and source.json_bytes == other.json_bytes
+
+
+def _json_changes(source: Container, output: Container) -> list[str]:
     allowed = {
         f"/animations/{index}"
         for index, animation in enumerate(source.json.get("animations", []))
@@ -29,18 +56,7 @@ def harm(source: Container, output: Container) -> list[str]:
     old, new = _exact(source.text), _exact(output.text)
     if source.bin is not None and _length(new) >= _length(old):
         allowed.add("/buffers/0/byteLength")
-    found = list(_changes(old, new, "", frozenset(allowed)))
-    if source.bin is not None and not (
-        output.bin is not None and _is_prefix(source, source.bin, output, output.bin)
-    ):
-        found.append("the old binary chunk is not the beginning of the new one")
-    if not _same_chunks(source, output):
-        found.append("another chunk of the file was lost or changed")
-    for uri in external_uris(source.json):
-        before, after = local_file(source.path, uri), local_file(output.path, uri)
-        if before.is_file() and not (after.is_file() and _same_files(before, after)):
-            found.append(f"its file '{uri}' is not beside the output as it was")
-    return found
+    return list(_changes(old, new, allowed))
 
 
 def _exact(text: str) -> Any:
@@ -56,22 +72,25 @@ def _length(root: Any) -> float:
         return 0.0
 
 
-def _changes(old: Any, new: Any, pointer: str, allowed: frozenset[str]) -> Iterator[str]:
-    if pointer in allowed:
-        return
-    if isinstance(old, dict) and isinstance(new, dict):
-        for key, value in old.items():
-            if key in new:
-                yield from _changes(value, new[key], f"{pointer}/{key}", allowed)
-            else:
-                yield f"{pointer}/{key} is gone"
-    elif isinstance(old, list) and isinstance(new, list):
-        if len(new) < len(old):
-            yield f"{pointer} lost elements"
-        for index, (before, after) in enumerate(zip(old, new, strict=False)):
-            yield from _changes(before, after, f"{pointer}/{index}", allowed)
-    elif type(old) is not type(new) or old != new:
-        yield f"{pointer} changed"
+def _changes(old: Any, new: Any, allowed: set[str]) -> Iterator[str]:
+    pending = [("", old, new)]
+    while pending:
+        pointer, before, after = pending.pop()
+        if pointer in allowed:
+            continue
+        if isinstance(before, dict) and isinstance(after, dict):
+            for key, value in before.items():
+                if key in after:
+                    pending.append((f"{pointer}/{key}", value, after[key]))
+                else:
+                    yield f"{pointer}/{key} is gone"
+        elif isinstance(before, list) and isinstance(after, list):
+            if len(after) < len(before):
+                yield f"{pointer} lost elements"
+            pairs = enumerate(zip(before, after, strict=False))
+            pending += [(f"{pointer}/{index}", *pair) for index, pair in pairs]
+        elif type(before) is not type(after) or before != after:
+            yield f"{pointer} changed"
 
 
 def _same_chunks(source: Container, output: Container) -> bool:

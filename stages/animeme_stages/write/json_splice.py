@@ -1,4 +1,4 @@
-"""Adding to JSON text without touching what is there.
+"""Adding to JSON text without touching what is there, and taking it away again.
 
 Parsing and dumping would change number formats, escapes, white space and repeated keys. So the text
 is edited in place: arrays get elements before their closing bracket, single values are replaced,
@@ -29,6 +29,7 @@ class Splice:
     _appended: dict[str, list[str]] = field(default_factory=dict)  # top-level array → elements
     _added: dict[int, dict[str, str]] = field(default_factory=dict)  # object → new members
     _members: dict[int, dict[str, tuple[int, int]]] = field(default_factory=dict)
+    _removed: list[str] = field(default_factory=list)  # top-level members
 
     def members(self, start: int = 0) -> dict[str, tuple[int, int]]:
         """Span [from, to) of each member's value in the object at `start`; of twins, the last."""
@@ -59,7 +60,29 @@ class Splice:
 
     def replace(self, span: tuple[int, int], value: Any) -> None:
         """Put `value` in the place of a value's span."""
-        self._replaced[span] = dumps(value)
+        self.replace_text(span, dumps(value))
+
+    def replace_text(self, span: tuple[int, int], text: str) -> None:
+        """Put JSON text in the place of a span."""
+        self._replaced[span] = text
+
+    def length(self, key: str) -> int:
+        """Characters of the top-level array `key`, up to its closing bracket."""
+        start, end = self.members()[key]
+        return end - 1 - start
+
+    def truncate(self, key: str, length: int) -> None:
+        """Take back what `append` added to the top-level array `key`, whose `length` this was."""
+        start, end = self.members()[key]
+        if not 0 < length <= self.length(key):
+            raise ValueError(f"{key} is shorter than it was")
+        if length < self.length(key):
+            self.replace_text((start + length, end - 1), "")
+
+    def remove(self, key: str) -> None:
+        """Take back the top-level array `key`, which `append` made, if it is there."""
+        if key in self.members():
+            self._removed.append(key)
 
     def append(self, key: str, values: Sequence[Any]) -> None:
         """Append `values` to the top-level array `key`, which is made where there is none."""
@@ -82,8 +105,15 @@ class Splice:
         edits = [(start, end, new) for (start, end), new in self._replaced.items()]
         for key, values in self._appended.items():
             if span := self.members().get(key):
-                comma = "," if self.elements(span[0]) else ""
+                comma = "" if self.text[self._skip(span[0] + 1)] == "]" else ","
                 edits.append((span[1] - 1, span[1] - 1, comma + ",".join(values)))
+        if self._removed:
+            members = self.members()
+            stay = max((end for key, (_, end) in members.items() if key not in self._removed))
+            if any(members[key][0] < stay for key in self._removed):
+                raise ValueError(f"{', '.join(self._removed)} did not come last")
+            last = max(end for _, end in members.values())
+            edits.append((self._skip(stay), last, ""))
         for start, added in self._added.items():
             members = self.members(start)
             last = max((end for _, end in members.values()), default=self._skip(start) + 1)

@@ -11,6 +11,7 @@ from pxr import Sdf, Usd
 
 from animeme.contracts import LineAnimation, Verify, unverified
 from animeme.curves import CurveSet
+from animeme.errors import InputError
 from animeme.rig import Character
 from animeme_stages.ingest.usd import load_usd, open_stage, usd_errors
 from animeme_stages.write import usd_harm, usd_layer, usd_read
@@ -22,7 +23,8 @@ class UsdFormat:
 
     A written layer sublayers the source by relative path. Below the character's prim it defines
     ``Dialogue``, one SkelAnimation per line (and per skeleton, where there are several), built
-    upon the animation that the skeleton came with; the variant set ``dialogueLine`` chooses one.
+    upon the animation that the skeleton came with; the variant set ``dialogueLine`` chooses one,
+    and with it a SpatialAudio that plays its recording, by relative path.
     """
 
     name: ClassVar[str] = "usd"
@@ -33,14 +35,32 @@ class UsdFormat:
         """Text beside a text source, to read; else binary, for delivery."""
         return ".usda" if source.suffix.lower() == ".usda" else ".usdc"
 
-    def load(self, path: Path) -> Character:
+    def load(self, path: Path, *, within: Path | None = None) -> Character:
         """The character in the file at `path`.
 
+        Args:
+            path: the asset.
+            within: folder that its layers must be in; its own if None.
+
         Raises:
-            InputError: ``asset-unreadable``, ``asset-no-blendshapes``, ``asset-no-skeleton`` or
-                ``asset-instanced``.
+            InputError: see `animeme_stages.ingest.usd.load_usd`.
         """
-        return load_usd(path)
+        return load_usd(path, within or path.parent)
+
+    def for_layout(self, layout: str, character: Character) -> UsdFormat:
+        """Itself, for the layouts that USD has.
+
+        Raises:
+            InputError: ``layout-unsupported``: it is one of glTF's.
+        """
+        if layout in ("per-character", "per-line"):
+            return self
+        raise InputError(
+            "layout-unsupported",
+            f"is USD, which has no layout '{layout}': its layers hold nothing but animation anyway",
+            place=str(character.source),
+            action='Use layout = "per-line", or make its glTF file a character of its own.',
+        )
 
     def companions(self, character: Character) -> dict[str, Path]:
         """None: a layer refers to its source where it is."""
@@ -68,8 +88,10 @@ class UsdFormat:
         end_s = max(line.end_s for line in lines)
         layer = usd_layer.override_layer(character.source, stage, target, end_s=end_s)
         with Sdf.ChangeBlock():
-            for host in hosts:
-                usd_layer.add_lines(layer, host, character, lines)
+            for number, host in enumerate(hosts):
+                # Once, however many prims the character is made of.
+                heard = number == 0
+                usd_layer.add_lines(layer, host, character, lines, target, heard=heard)
                 usd_layer.bind_pointers(layer, stage, host)
         usd_layer.export(layer, target, verify)
         return (target,)
@@ -108,6 +130,19 @@ class UsdFormat:
             InputError: ``asset-unreadable``; ``asset-animation-invalid``: weights do not fit.
         """
         return usd_read.read_animations(path)
+
+    def strip(self, path: Path, target: Path) -> tuple[str, ...]:
+        """Refuse: there is nothing to take out of a layer that is nothing but ours.
+
+        Raises:
+            InputError: always ``strip-layer``.
+        """
+        raise InputError(
+            "strip-layer",
+            "is a USD file: animeme writes layers of their own over a source that it never changes",
+            place=str(path),
+            action="Delete the layer; the source is as it was.",
+        )
 
     def harm(self, character: Character, output: Path) -> list[str]:
         """What `output` lost or changed of the character's source: one sentence each.

@@ -2,7 +2,7 @@
 
 Composition does most of the work: a value can differ from the source's only where the layer itself
 has an opinion. So it is enough to look at every opinion of the layer, at what stages read from
-their root layer alone, and at the animation that the skeletons are now bound to.
+their root layer alone, and at the animation that skeletons are now bound to.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ from pxr import Sdf, Usd, UsdGeom, UsdSkel
 
 from animeme.rig import Character
 from animeme_stages.ingest.usd import POINTER, open_stage, shape_names, usd_errors
+from animeme_stages.ingest.usd_variants import LANGUAGE_SET, OUR_SETS
 from animeme_stages.write.usd_layer import (
     ANIMATION_SOURCE,
     BINDING_API,
     root_metadata,
 )
-from animeme_stages.write.usd_plan import LANGUAGE_SET, OUR_SETS, Host, Rig, plan
+from animeme_stages.write.usd_plan import Host, Rig, plan
 
 OUR_TIMES = frozenset({"startTimeCode", "endTimeCode"})
 
@@ -46,7 +47,7 @@ def harm(character: Character, output: Path) -> list[str]:
         return [
             *_stage_metadata(before, after, output),
             *_opinions(before, after.GetRootLayer(), hosts),
-            *_structure(before, after, {rig.skeleton for host in hosts for rig in host.rigs}),
+            *_structure(before, after, {rig.bound for host in hosts for rig in host.rigs}),
             *(text for host in hosts for rig in host.rigs for text in _body(before, after, rig)),
         ]
 
@@ -90,7 +91,7 @@ def _opinions(before: Usd.Stage, layer: Sdf.Layer, hosts: tuple[Host, ...]) -> I
     """Everything that `layer` says about prims that are not ours."""
     paths: list[Sdf.Path] = []
     layer.Traverse(Sdf.Path.absoluteRootPath, paths.append)
-    skeletons = {rig.skeleton for host in hosts for rig in host.rigs}
+    bound = {rig.bound for host in hosts for rig in host.rigs}
     characters = {host.path for host in hosts}
     scopes = [host.scope for host in hosts]
     for path in sorted(paths):
@@ -98,7 +99,7 @@ def _opinions(before: Usd.Stage, layer: Sdf.Layer, hosts: tuple[Host, ...]) -> I
         if path.IsAbsoluteRootPath() or any(plain.HasPrefix(scope) for scope in scopes):
             continue
         if path.IsPropertyPath():
-            if not (plain.name == ANIMATION_SOURCE and plain.GetPrimPath() in skeletons):
+            if not (plain.name == ANIMATION_SOURCE and plain.GetPrimPath() in bound):
                 yield f"{plain} is overridden."
         elif path.IsPrimVariantSelectionPath():
             selection = path.GetVariantSelection()
@@ -108,7 +109,7 @@ def _opinions(before: Usd.Stage, layer: Sdf.Layer, hosts: tuple[Host, ...]) -> I
                 yield from _variant(layer, path)
         elif path.IsPrimPath():
             said = set(layer.GetObjectAtPath(path).ListInfoKeys()) - STRUCTURE
-            yield from _prim(before, layer, path, said, plain in characters, plain in skeletons)
+            yield from _prim(before, layer, path, said, plain in characters, plain in bound)
 
 
 def _variant(layer: Sdf.Layer, path: Sdf.Path) -> Iterator[str]:
@@ -126,7 +127,7 @@ def _prim(
     path: Sdf.Path,
     said: set[str],
     is_host: bool,
-    is_skeleton: bool,
+    is_bound: bool,
 ) -> Iterator[str]:
     spec = layer.GetObjectAtPath(path)
     plain = path.StripAllVariantSelections()
@@ -141,13 +142,13 @@ def _prim(
             said.discard("instanceable")  # what is not an instance stays none
         if strange := set(spec.variantSelections.keys()) - OUR_SETS:
             yield f"{plain} selects other variants of {', '.join(sorted(strange))}."
-    if is_skeleton and spec.GetInfo("apiSchemas") == Sdf.TokenListOp.Create([BINDING_API]):
+    if is_bound and spec.GetInfo("apiSchemas") == Sdf.TokenListOp.Create([BINDING_API]):
         said.discard("apiSchemas")
     for key in sorted(said):
         yield f"{plain} has its {key} overridden."
 
 
-def _structure(before: Usd.Stage, after: Usd.Stage, skeletons: set[Sdf.Path]) -> Iterator[str]:
+def _structure(before: Usd.Stage, after: Usd.Stage, bound: set[Sdf.Path]) -> Iterator[str]:
     """Prims, their types, properties and targets: what weaker layers could still add to."""
     everything = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
     for prim in Usd.PrimRange.Stage(before, everything):
@@ -156,7 +157,7 @@ def _structure(before: Usd.Stage, after: Usd.Stage, skeletons: set[Sdf.Path]) ->
         if not twin:
             yield f"{path} is gone."
             continue
-        for what, was, now in _traits(prim, twin, path in skeletons):
+        for what, was, now in _traits(prim, twin, path in bound):
             if was != now:
                 yield f"{path} had {what} {was} and has {now}."
 

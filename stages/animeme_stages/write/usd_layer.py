@@ -13,10 +13,9 @@ from pxr import Sdf, Tf, Usd, Vt
 from animeme.contracts import LineAnimation, Verify
 from animeme.files import atomic_path
 from animeme.rig import Character
-from animeme_stages.ingest.usd import CUSTOM_DATA, POINTER
+from animeme_stages.ingest.usd import CUSTOM_DATA, POINTER, SOUND, quiet
+from animeme_stages.ingest.usd_variants import LANGUAGE_SET, LINE_SET
 from animeme_stages.write.usd_plan import (
-    LANGUAGE_SET,
-    LINE_SET,
     Host,
     Rig,
     distinct_identifiers,
@@ -86,22 +85,41 @@ def relative_asset(path: Path, target: Path) -> str:
 
 
 def add_lines(
-    layer: Sdf.Layer, host: Host, character: Character, lines: Sequence[LineAnimation]
+    layer: Sdf.Layer,
+    host: Host,
+    character: Character,
+    lines: Sequence[LineAnimation],
+    target: Path,
+    *,
+    heard: bool,
 ) -> None:
-    """Author one animation per line and skeleton, and the variants that choose between them."""
+    """Author one animation per line and skeleton, and the variants that choose between them.
+
+    Args:
+        layer: to author in.
+        host: the prim that carries them.
+        character: whose lines they are.
+        lines: the lines.
+        target: where the layer will be written.
+        heard: let the variants play the recordings too.
+    """
     ordered = sorted(lines, key=lambda line: line.name)
-    names = distinct_identifiers([line.name for line in ordered], taken=[POINTER])
+    names = distinct_identifiers([line.name for line in ordered], taken=[POINTER, SOUND])
     _folder(layer, host.scope)
     for rig in host.rigs:
         _folder(layer, rig.folder)
         for line, name in zip(ordered, names, strict=True):
             _add_line(layer, rig, rig.folder.AppendChild(name), character, line)
     variants = variant_set(layer, host, LINE_SET, names[0])
-    for name in names:
+    for line, name in zip(ordered, names, strict=True):
         inside = Sdf.VariantSpec(variants, name).primSpec.path
         for rig in host.rigs:
             path = rig.pointer.ReplacePrefix(host.path, inside)
             _animation(layer, path, rig.folder.AppendChild(name))
+        if heard and line.audio is not None:
+            path = host.scope.AppendChild(SOUND).ReplacePrefix(host.path, inside)
+            start = line.audio_start_s * layer.timeCodesPerSecond
+            _add_sound(layer, path, relative_asset(line.audio, target), start)
 
 
 def add_languages(
@@ -128,13 +146,13 @@ def variant_set(layer: Sdf.Layer, host: Host, name: str, selected: str) -> Sdf.V
 
 
 def bind_pointers(layer: Sdf.Layer, stage: Usd.Stage, host: Host) -> None:
-    """Let each skeleton play what its pointer points at.
+    """Let each skeleton (or instance) play what its pointer points at.
 
     The binding is local because a variant's would be weaker than the one in the sublayer.
     """
     for rig in host.rigs:
-        prim = Sdf.CreatePrimInLayer(layer, rig.skeleton)
-        if BINDING_API not in stage.GetPrimAtPath(rig.skeleton).GetAppliedSchemas():
+        prim = Sdf.CreatePrimInLayer(layer, rig.bound)
+        if BINDING_API not in stage.GetPrimAtPath(rig.bound).GetAppliedSchemas():
             prim.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=[BINDING_API]))
         relation = Sdf.RelationshipSpec(prim, ANIMATION_SOURCE, custom=False)
         relation.targetPathList.explicitItems = [rig.pointer]
@@ -181,6 +199,25 @@ def _add_line(
         layer.SetTimeSample(values.path, code, Vt.FloatArray.FromNumpy(row))
 
 
+def _add_sound(layer: Sdf.Layer, path: Sdf.Path, asset: str, start: float) -> None:
+    """A recording that starts at a time code of its line and is heard alike from everywhere.
+
+    It has no place in space because the mouth moves with the head: who wants it to come from there
+    puts it there.
+    """
+    prim = Sdf.CreatePrimInLayer(layer, path)
+    prim.specifier = Sdf.SpecifierDef
+    prim.typeName = "SpatialAudio"
+    types, uniform = Sdf.ValueTypeNames, Sdf.VariabilityUniform
+    for name, kind, value in (
+        ("filePath", types.Asset, Sdf.AssetPath(asset)),
+        ("auralMode", types.Token, "nonSpatial"),
+        ("playbackMode", types.Token, "onceFromStart"),
+        ("startTime", types.TimeCode, Sdf.TimeCode(start)),
+    ):
+        Sdf.AttributeSpec(prim, name, kind, uniform).default = value
+
+
 def export(layer: Sdf.Layer, target: Path, verify: Verify) -> None:
     """Write `layer` to `target`, binary or text by its suffix, atomically, once it is verified.
 
@@ -189,7 +226,8 @@ def export(layer: Sdf.Layer, target: Path, verify: Verify) -> None:
     """
     with atomic_path(target) as scratch:
         try:
-            layer.Export(str(scratch))
+            with quiet():  # it warns that sounds need a newer crate than our animation does
+                layer.Export(str(scratch))
         except Tf.ErrorException as error:
             raise OSError(str(error)) from error
         verify(scratch)

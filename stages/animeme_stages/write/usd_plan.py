@@ -15,17 +15,14 @@ from animeme.rig import Character
 from animeme_stages.ingest.usd import (
     POINTER,
     SCOPE,
-    SpeakingMesh,
+    SOUND,
     bound_animation,
     is_ours,
     shape_names,
-    speaking_meshes,
     weight_samples,
 )
-
-LINE_SET = "dialogueLine"
-LANGUAGE_SET = "dialogueLanguage"
-OUR_SETS = frozenset({LINE_SET, LANGUAGE_SET})
+from animeme_stages.ingest.usd_meshes import SpeakingMesh, bound_prim, host_prim
+from animeme_stages.ingest.usd_variants import OUR_SETS, driven_meshes
 
 
 @dataclass(frozen=True)
@@ -50,17 +47,17 @@ class OldWeights:
 
 @dataclass(frozen=True)
 class Rig:
-    """One skeleton to drive.
+    """One skeleton to drive, or the skeletons of one instance.
 
     Attributes:
-        skeleton: its prim.
+        bound: the prim that its animation is bound at: the skeleton, or the instance.
         folder: the scope that holds its lines and their pointer.
         owned: stored shape names of all of its meshes.
         animation: the animation that it came with, if any.
         old: the weights of that.
     """
 
-    skeleton: Sdf.Path
+    bound: Sdf.Path
     folder: Sdf.Path
     owned: tuple[str, ...]
     animation: Sdf.Path | None
@@ -91,34 +88,28 @@ class Host:
 
 def plan(character: Character, stage: Usd.Stage) -> tuple[Host, ...]:
     """The prims that `character`'s dialogue goes to; the same for every line and language."""
-    speaking = speaking_meshes(stage)
-    default = stage.GetDefaultPrim()
-    by_host: dict[Sdf.Path, list[Sdf.Path]] = {}
-    for skeleton in dict.fromkeys(mesh.skeleton for mesh in speaking):
-        inside = default and skeleton.HasPrefix(default.GetPath())
-        host = default.GetPath() if inside else skeleton.GetPrefixes()[0]
-        by_host.setdefault(host, []).append(skeleton)
-    return tuple(_host(stage, path, skeletons, speaking) for path, skeletons in by_host.items())
+    by_host: dict[Sdf.Path, dict[Sdf.Path, list[SpeakingMesh]]] = {}
+    for mesh in driven_meshes(stage):
+        bound = bound_prim(stage, mesh.skeleton)
+        host = bound and host_prim(stage, bound)
+        if bound and host:  # `load` refuses the others
+            rigs = by_host.setdefault(host.GetPath(), {})
+            rigs.setdefault(bound.GetPath(), []).append(mesh)
+    return tuple(_host(stage, path, rigs) for path, rigs in by_host.items())
 
 
-def _host(
-    stage: Usd.Stage,
-    path: Sdf.Path,
-    skeletons: list[Sdf.Path],
-    speaking: tuple[SpeakingMesh, ...],
-) -> Host:
+def _host(stage: Usd.Stage, path: Sdf.Path, by_bound: dict[Sdf.Path, list[SpeakingMesh]]) -> Host:
     scope = path.AppendChild(_free_scope(stage, path))
     _require_free_sets(stage, path, scope)
-    names = distinct_identifiers([skeleton.name for skeleton in skeletons])
+    names = distinct_identifiers([bound.name for bound in by_bound], taken=[SOUND])
     rigs = []
-    for skeleton, name in zip(skeletons, names, strict=True):
-        own = (shape for mesh in speaking if mesh.skeleton == skeleton for shape in mesh.shapes)
-        animation = bound_animation(stage, skeleton)
+    for (bound, meshes), name in zip(by_bound.items(), names, strict=True):
+        animation = bound_animation(stage, bound)
         rigs.append(
             Rig(
-                skeleton=skeleton,
-                folder=scope if len(skeletons) == 1 else scope.AppendChild(name),
-                owned=tuple(dict.fromkeys(own)),
+                bound=bound,
+                folder=scope if len(by_bound) == 1 else scope.AppendChild(name),
+                owned=tuple(dict.fromkeys(shape for mesh in meshes for shape in mesh.shapes)),
                 animation=animation.GetPath() if animation else None,
                 old=_old_weights(animation),
             )

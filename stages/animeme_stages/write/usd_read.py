@@ -19,10 +19,10 @@ from animeme_stages.ingest.usd import (
     is_ours,
     open_stage,
     shape_names,
-    speaking_meshes,
     usd_errors,
     weight_samples,
 )
+from animeme_stages.ingest.usd_variants import driven_meshes
 
 # Copies of one shape are one curve if their weights agree this closely (weight units): far below
 # what is visible, far above float32's rounding of an interpolated weight.
@@ -43,7 +43,7 @@ def read_animations(path: Path) -> dict[str, CurveSet]:
     """
     stage = open_stage(path)
     with usd_errors(path):
-        canonical = canonical_names([mesh.shapes for mesh in speaking_meshes(stage)])
+        canonical = canonical_names([mesh.shapes for mesh in driven_meshes(stage)])
         lines: dict[str, list[CurveSet]] = {}
         others: dict[str, dict[str, CurveSet]] = {}
         for animation in animations(stage):
