@@ -14,6 +14,7 @@ from animeme.dialogue import Line, find_lines
 from animeme.documents import suggestion
 from animeme.errors import JobError, Problem
 from animeme.findings import Severity
+from animeme.gathering import DialogueSource
 from animeme.job import CharacterJob, Job, read_job
 from animeme.shaping import CurveOptions
 
@@ -211,7 +212,7 @@ def test_a_minimal_job_gets_every_default(tmp_path: Path) -> None:
         name="sample",
         source=path,
         output=tmp_path / "out",
-        dialogue_root=tmp_path / "dialogue",
+        dialogue=DialogueSource(tmp_path / "dialogue"),
         speak=False,
         aligner="pocketsphinx",
         lexicon=None,
@@ -263,7 +264,7 @@ def test_the_caller_may_choose_the_output(tmp_path: Path) -> None:
 def test_absolute_paths_stay(tmp_path: Path) -> None:
     elsewhere = folder_of(tmp_path / "else", ["en/a.wav"])
     text = MINIMAL.replace('"dialogue"', json.dumps(str(elsewhere)))
-    assert read_job(job_file(tmp_path / "job", text)).dialogue_root == elsewhere
+    assert read_job(job_file(tmp_path / "job", text)).dialogue.root == elsewhere
 
 
 def test_paths_are_relative_to_the_job_and_not_to_the_caller(
@@ -272,7 +273,7 @@ def test_paths_are_relative_to_the_job_and_not_to_the_caller(
     job_file(tmp_path / "job")
     monkeypatch.chdir(tmp_path)
     job = read_job(Path("job/job.toml"))
-    assert job.dialogue_root == Path("job/dialogue")
+    assert job.dialogue.root == Path("job/dialogue")
     assert job.characters[0].assets == (Path("job/ada.glb"),)
 
 
@@ -297,9 +298,32 @@ PROBLEMS: dict[str, tuple[str, str, str, str]] = {
         "characters.ada.rigg",
         "Did you mean 'rig'?",
     ),
-    "far off": ('root = "', 'xyzzy = 1\nroot = "', "dialogue.xyzzy", "Known: root, speak."),
+    "far off": (
+        'root = "',
+        'xyzzy = 1\nroot = "',
+        "dialogue.xyzzy",
+        "Known: columns, language, manifest, preset, root, ",
+    ),
     "no folder": ('"dialogue"', '"dialog"', "dialogue.root", "Paths start at the job file."),
     "no asset": ('"ada.glb"', '"eva.glb"', "characters.ada.asset", "Paths start at the job file."),
+    "no list": (
+        'root = "',
+        'manifest = "lines.csv"\nroot = "',
+        "dialogue.manifest",
+        "Paths start at the job file.",
+    ),
+    "unknown language": (
+        'root = "',
+        'language = "Germn"\nroot = "',
+        "dialogue.language",
+        "Did you mean 'German' (de)?",
+    ),
+    "misspelt column": (
+        'root = "',
+        'columns = {txt = "a"}\nroot = "',
+        "dialogue.columns.txt",
+        "Did you mean 'text'?",
+    ),
     "unknown format": (
         '"ada.glb"',
         '"ada.fbx"',

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -16,12 +15,12 @@ from animeme.errors import InputError
 from animeme.executors import Executor, Result
 from animeme.files import unwritable
 from animeme.findings import Finding, LineStatus, Severity, exit_code_of, status_of
+from animeme.languages import find_tag
 from animeme.ledger import fault_of
 from animeme.runner import LINE_TIMEOUT_S, RETRIES, Listener, Progress, cpu_s, name_of
 from animeme.tasks import AlignItem, LineOutcome, align_line
 
 DEFAULT_LANGUAGE = "en"
-_TAG = re.compile(r"[A-Za-z]{2,3}(-[A-Za-z0-9]{1,8})*")
 
 
 @dataclass(frozen=True)
@@ -224,7 +223,8 @@ def _is_dialogue(folder: Path, aligner: str, known: frozenset[str], without: Pat
     """
 
     def is_language(name: str) -> bool:
-        return bool(_TAG.fullmatch(name)) and name.split("-")[0].lower() in known
+        tag = find_tag(name)
+        return tag is not None and tag.split("-")[0] in known
 
     places = folders_with_lines(folder, without=without)
     within = [parts for parts in places if parts and is_language(parts[0])]
@@ -246,7 +246,7 @@ def _is_dialogue(folder: Path, aligner: str, known: frozenset[str], without: Pat
 
 
 def _require_known(language: str, aligner: str, known: frozenset[str]) -> None:
-    if language.replace("_", "-").split("-")[0].lower() not in known:
+    if (find_tag(language) or language).split("-")[0] not in known:
         raise InputError(
             "language-unknown",
             f"'{language}' is not a language that '{aligner}' can align",

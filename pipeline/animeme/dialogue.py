@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from animeme import registry
+from animeme.errors import InputError
 from animeme.findings import Finding, Severity
+from animeme.languages import find_tag, language_tag
 
 FILM_SUFFIXES = (".m4a", ".mp4", ".mov")  # with the extra `video`
 AUDIO_SUFFIXES = (".wav", ".flac", ".mp3", ".ogg", ".opus", ".aiff", ".aif", *FILM_SUFFIXES)
@@ -43,14 +45,18 @@ class Line:
     """One recording in one language.
 
     Attributes:
-        id: path below the language (and character) folder, without suffix; ``/`` separates.
-        language: the folder's name, a BCP-47 tag.
+        id: path below the language (and character) folder, without suffix; ``/`` separates. As a
+            sheet has it where one lists the line.
+        language: BCP-47 tag of the folder's name, which may be ``English(US)``; the name itself if
+            it is no language.
         character: whose line it is, "" for every character of the job.
         audio: the recording.
-        transcript: its text.
+        transcript: file of its text; it need not be there if `text` is.
         timings: phones or words that somebody has already timed, or None.
         findings: what its discovery noticed.
         side_cars: curves and edits by hand, those for everybody first.
+        text: what is said, where a sheet or a translation has it; it goes before `transcript`.
+        origin: where `text`, or a sheet's row about the line, is to be found; "" for files alone.
     """
 
     id: str
@@ -61,6 +67,8 @@ class Line:
     timings: Path | None = None
     findings: tuple[Finding, ...] = ()
     side_cars: tuple[SideCar, ...] = ()
+    text: str | None = None
+    origin: str = ""
 
     def files_of(self, kind: str, character: str, *, alone: bool = False) -> tuple[Path, ...]:
         """Files by hand of one kind that concern a character, those for everybody first.
@@ -77,6 +85,30 @@ class Line:
     def key(self) -> str:
         """``<language>/<id>``, or ``<language>/<character>/<id>`` for one character's line."""
         return "/".join(part for part in (self.language, self.character, self.id) if part)
+
+
+def has_transcript(line: Line) -> bool:
+    """Whether anything says what is said in a line."""
+    return line.text is not None or line.transcript.is_file()
+
+
+def transcript_of(line: Line) -> str:
+    """What is said in a line.
+
+    Raises:
+        InputError: there is no transcript, or it cannot be read.
+    """
+    if line.text is None:
+        text: str = registry.stage("read-transcript")(line.transcript)
+        return text
+    if not line.text.strip():
+        raise InputError(
+            "transcript-empty",
+            "the line has no text",
+            place=line.origin,
+            action="Write what is said there, or into a .txt beside the recording.",
+        )
+    return line.text.strip()
 
 
 def find_lines(
@@ -96,15 +128,15 @@ def find_lines(
         characters: names of the job's characters.
         without: a folder that is left out.
     """
-    known = {_composed(name): name for name in characters}
+    known = {composed(name): name for name in characters}
     groups: dict[tuple[str, str, str], list[Path]] = defaultdict(list)
     for folder in sorted(entry for entry in root.iterdir() if entry.is_dir()):
-        for file in _files(folder, root, without):
+        for file in files_below(folder, root, without):
             parts = file.relative_to(folder).with_suffix("").parts
-            character = known.get(_composed(parts[0]), "") if len(parts) > 1 else ""
-            name = _composed("/".join(parts[1:] if character else parts))
-            groups[folder.name, character, name].append(file)
-    return _lines(groups)
+            character = known.get(composed(parts[0]), "") if len(parts) > 1 else ""
+            name = composed("/".join(parts[1:] if character else parts))
+            groups[find_tag(folder.name) or folder.name, character, name].append(file)
+    return lines_of_files(groups)
 
 
 def find_lines_of(root: Path, language: str, *, without: Path | None = None) -> tuple[Line, ...]:
@@ -118,10 +150,10 @@ def find_lines_of(root: Path, language: str, *, without: Path | None = None) -> 
         without: a folder that is left out.
     """
     groups: dict[tuple[str, str, str], list[Path]] = defaultdict(list)
-    for file in _files(root, root, without):
-        name = _composed(file.relative_to(root).with_suffix("").as_posix())
-        groups[language, "", name].append(file)
-    return _lines(groups)
+    for file in files_below(root, root, without):
+        name = composed(file.relative_to(root).with_suffix("").as_posix())
+        groups[find_tag(language) or language, "", name].append(file)
+    return lines_of_files(groups)
 
 
 def folders_with_lines(root: Path, *, without: Path | None = None) -> tuple[tuple[str, ...], ...]:
@@ -132,13 +164,13 @@ def folders_with_lines(root: Path, *, without: Path | None = None) -> tuple[tupl
     spoken = AUDIO_SUFFIXES + TEXT_SUFFIXES
     places = (
         file.relative_to(root).parts[:-1]
-        for file in _files(root, root, without)
+        for file in files_below(root, root, without)
         if file.suffix.lower() in spoken
     )
     return tuple(sorted(set(places)))
 
 
-def _files(folder: Path, root: Path, without: Path | None) -> Iterator[Path]:
+def files_below(folder: Path, root: Path, without: Path | None) -> Iterator[Path]:
     """Files that may belong to a line; nothing hidden below `root`, nothing below `without`."""
     for file in sorted(folder.rglob("*")):
         if file.suffix.lower() not in _SUFFIXES:
@@ -150,7 +182,12 @@ def _files(folder: Path, root: Path, without: Path | None) -> Iterator[Path]:
             yield file
 
 
-def _lines(groups: Mapping[tuple[str, str, str], list[Path]]) -> tuple[Line, ...]:
+def lines_of_files(groups: Mapping[tuple[str, str, str], list[Path]]) -> tuple[Line, ...]:
+    """The lines that files are about, sorted by key.
+
+    Args:
+        groups: (language, character, id) → files.
+    """
     lines = (_line(*key, files) for key, files in groups.items())
     return tuple(sorted((line for line in lines if line is not None), key=lambda line: line.key))
 
@@ -177,6 +214,11 @@ def _line(language: str, character: str, name: str, files: list[Path]) -> Line |
     if shown(name) != name:
         message, action = "its file name is not UTF-8", "Rename it."
         findings.append(Finding(Severity.ERROR, "line-name-unreadable", message, action=action))
+    if find_tag(language) is None:
+        try:
+            language_tag(shown(language))
+        except InputError as error:
+            findings.append(Finding.from_error(error))
     return Line(
         shown(name),
         shown(language),
@@ -228,7 +270,7 @@ def kind_of(file: Path) -> str:
     return told
 
 
-def _composed(name: str) -> str:
+def composed(name: str) -> str:
     """A name in composed form (NFC): file systems differ in the one that they keep."""
     return unicodedata.normalize("NFC", name)
 

@@ -43,12 +43,45 @@ class JobSection(Document):
     output: str = Field("out", description="Output folder, relative to the job file.")
 
 
-class DialogueSection(Document):
-    """Where the recordings are."""
+class ColumnsSection(Document):
+    """Headers of a sheet's columns; those with usual names are found without."""
 
-    root: str = Field(
+    id: str | None = None
+    audio: str | dict[str, str] | None = Field(
+        None, description="Header of the recordings' paths, or language → header."
+    )
+    character: str | None = None
+    language: str | None = None
+    text: str | dict[str, str] | None = Field(
+        None, description="Header of the transcripts, or language → header."
+    )
+    notes: str | None = None
+
+
+class DialogueSection(Document):
+    """Where the recordings and their transcripts are: a folder, sheets, or both."""
+
+    root: str | None = Field(
+        None,
         description="Folder of <language>/[character/]<line>.<audio> with .txt or .lab beside, "
-        "relative to the job file."
+        "relative to the job file; with `manifest`, where its recordings are searched too.",
+    )
+    manifest: OneOrMore | None = Field(
+        None,
+        description="Lists of the lines, relative to the job file: CSV, TSV, XLSX, ODS, a "
+        "manifest document, or what `preset` names. Their paths are relative to the list.",
+    )
+    columns: ColumnsSection = ColumnsSection()  # type: ignore[call-arg]
+    preset: Literal["cryengine", "fmod", "prefix", "suffix", "unreal", "wwise"] | None = Field(
+        None,
+        description="Who wrote the list; or how files below `root` bear their language: before or "
+        "after the name (EN_line.wav, line_de.wav).",
+    )
+    texts: OneOrMore | None = Field(
+        None, description="Translations to join by id (.po, .xlf), relative to the job file."
+    )
+    language: str | None = Field(
+        None, description="Of lines, lists and translations that do not say theirs."
     )
     speak: bool = Field(
         False, strict=True, description="Let espeak-ng speak transcripts without a recording."
@@ -334,6 +367,26 @@ class BigramsDocument(Document):
     )
 
 
+class ListedLineEntry(Document):
+    """One line in one language."""
+
+    id: str = Field(description="Of the line, the same in every language; `/` separates folders.")
+    audio: str = Field("", description="Its recording, relative to this document.")
+    character: str = Field("", description="Who says it; empty for every character of the job.")
+    language: str = Field("", description="BCP-47 tag; empty if the job or the path says it.")
+    text: str | None = Field(
+        None, description="What is said; null if a .txt beside the recording says it."
+    )
+    notes: str = Field("", description="For people.")
+
+
+class ManifestDocument(Document):
+    """A list of lines: what every sheet comes down to."""
+
+    schema_: Literal["animeme.manifest/1"] = Field(alias="schema")
+    lines: list[ListedLineEntry]
+
+
 class FindingEntry(Document):
     """One remark."""
 
@@ -509,6 +562,7 @@ KINDS: dict[str, type[BaseModel]] = {
     "curves": CurvesDocument,
     "edits": EditsDocument,
     "job": JobDocument,
+    "manifest": ManifestDocument,
     "model": ModelDocument,
     "report": ReportDocument,
     "rig": RigDocument,

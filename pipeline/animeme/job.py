@@ -13,12 +13,16 @@ from pydantic import ValidationError
 from animeme import registry
 from animeme.documents import (
     CurvesSection,
+    DialogueSection,
     JobDocument,
     ModelSection,
     problems_of,
     suggestion,
 )
 from animeme.errors import InputError, JobError, PluginError, Problem
+from animeme.gathering import DialogueSource
+from animeme.languages import find_tag, language_tag
+from animeme.manifest import PRESETS, Columns
 from animeme.shaping import CurveOptions
 from animeme.timing import FrameRate
 
@@ -64,7 +68,7 @@ class Job:
         name: what reports call it.
         source: the job file.
         output: output folder.
-        dialogue_root: folder of the recordings.
+        dialogue: where the lines come from.
         speak: speak transcripts that have no recording.
         aligner: name of the aligner.
         lexicon: pronunciations of the user's, or None.
@@ -78,7 +82,7 @@ class Job:
     name: str
     source: Path
     output: Path
-    dialogue_root: Path
+    dialogue: DialogueSource
     speak: bool
     aligner: str
     lexicon: Path | None
@@ -145,7 +149,7 @@ def _job(document: JobDocument, path: Path, output: Path | None) -> Job:
         name=document.job.name,
         source=path,
         output=output or folder / document.job.output,
-        dialogue_root=folder / document.dialogue.root,
+        dialogue=_dialogue(document.dialogue, folder),
         speak=document.dialogue.speak,
         aligner=document.align.aligner,
         lexicon=folder / document.align.lexicon if document.align.lexicon else None,
@@ -154,6 +158,22 @@ def _job(document: JobDocument, path: Path, output: Path | None) -> Job:
         model_file=model_file,
         curves=_curves(document.curves),
         characters=characters,
+    )
+
+
+def _dialogue(section: DialogueSection, folder: Path) -> DialogueSource:
+    columns = section.columns.model_dump(exclude_none=True)
+    texts, audios = (
+        columns.pop(role) if isinstance(columns.get(role), dict) else {}
+        for role in ("text", "audio")
+    )
+    return DialogueSource(
+        folder / section.root if section.root is not None else None,
+        tuple(folder / name for name in section.manifest or ()),
+        Columns(columns, texts, audios),
+        section.preset or "",
+        tuple(folder / name for name in section.texts or ()),
+        find_tag(section.language or "") or "",
     )
 
 
@@ -177,11 +197,7 @@ def _curves(section: CurvesSection) -> CurveOptions:
 
 def _problems(data: Mapping[str, Any], folder: Path) -> Iterator[Problem]:
     """What is wrong with the job's values, however much of its form is wrong too."""
-    root = _text(data, "dialogue", "root")
-    if root is not None and not (folder / root).is_dir():
-        yield Problem(
-            "dialogue.root", f"there is no folder '{root}'", "Paths start at the job file."
-        )
+    yield from _dialogue_problems(data, folder)
     yield from _unknown_plugin(registry.ALIGNERS, "align.aligner", _text(data, "align", "aligner"))
     lexicon = _text(data, "align", "lexicon")
     if lexicon is not None:
@@ -194,6 +210,38 @@ def _problems(data: Mapping[str, Any], folder: Path) -> Iterator[Problem]:
             yield Problem(f"characters.{name}", "the name cannot be a file's name")
         if isinstance(section, dict):
             yield from _character_problems(f"characters.{name}", section, folder)
+
+
+def _dialogue_problems(data: Mapping[str, Any], folder: Path) -> Iterator[Problem]:
+    section = data.get("dialogue")
+    if not isinstance(section, dict):
+        return
+    root = _text(data, "dialogue", "root")
+    if root is not None and not (folder / root).is_dir():
+        yield Problem(
+            "dialogue.root", f"there is no folder '{root}'", "Paths start at the job file."
+        )
+    if "root" not in section and "manifest" not in section:
+        yield Problem("dialogue.root", "missing", "Name the folder of recordings, or a `manifest`.")
+    for key in ("manifest", "texts"):
+        names = section.get(key)
+        for name in [names] if isinstance(names, str) else names if isinstance(names, list) else ():
+            if isinstance(name, str) and not (folder / name).is_file():
+                yield Problem(
+                    f"dialogue.{key}", f"there is no file '{name}'", "Paths start at the job file."
+                )
+    preset = section.get("preset")
+    needed = "manifest" if preset in PRESETS else "root"
+    if preset in (*PRESETS, "prefix", "suffix") and needed not in section:
+        yield Problem("dialogue.preset", f"'{preset}' needs `{needed}`")
+    columns = section.get("columns")
+    tables = columns.values() if isinstance(columns, dict) else ()
+    said = [tag for table in tables if isinstance(table, dict) for tag in table]
+    for name in (section.get("language"), *said):
+        try:
+            language_tag(name) if isinstance(name, str) else None
+        except InputError as error:
+            yield Problem("dialogue.language", error.problem, error.action)
 
 
 def _text(data: Mapping[str, Any], section: str, key: str) -> str | None:

@@ -8,9 +8,10 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from animeme import registry
-from animeme.dialogue import Line, find_lines
+from animeme.dialogue import Line
 from animeme.errors import InputError, JobError, Problem
 from animeme.findings import Finding, Severity
+from animeme.gathering import gather
 from animeme.job import Job
 from animeme.plan import Plan
 from animeme.side_cars import with_side_cars
@@ -36,18 +37,35 @@ def load_plugins(job: Job) -> None:
 
 
 def dialogue_of(job: Job) -> tuple[tuple[Line, ...], tuple[Finding, ...]]:
-    """The job's lines, and findings about files beside them that belong to none.
+    """The job's lines, and findings about what is listed or lies beside them and belongs to none.
 
     Raises:
-        JobError: there are none.
+        JobError: there are none, or a list of them cannot be used.
     """
     characters = [character.name for character in job.characters]
-    lines = find_lines(job.dialogue_root, characters)
-    if not lines:
-        message = f"no recording below '{job.dialogue_root}'"
-        action = "It holds <language>/<line>.wav with a .txt beside each."
-        raise JobError(str(job.source), [Problem("dialogue.root", message, action)])
-    return with_side_cars(job.dialogue_root, lines, characters)
+    source = job.dialogue
+    try:
+        found = gather(source, characters, without=job.output)
+    except InputError as error:
+        problem = Problem("dialogue.manifest", f"{error.place}: {error.problem}", error.action)
+        raise JobError(str(job.source), [problem]) from error
+    if not found.lines:
+        raise JobError(str(job.source), _nothing(job, found.findings))
+    if found.folder is None:
+        return found.lines, found.findings
+    lines, strays = with_side_cars(found.folder, found.lines, characters)
+    return lines, (*found.findings, *strays)
+
+
+def _nothing(job: Job, findings: Iterable[Finding]) -> list[Problem]:
+    """Why there is no line."""
+    if job.dialogue.manifests:
+        names = ", ".join(f"'{path}'" for path in job.dialogue.manifests)
+        problem = Problem("dialogue.manifest", f"no line in {names} can be used")
+        return [problem, *(Problem("", f"{f.place}: {f.message}", f.action) for f in findings)]
+    message = f"no recording below '{job.dialogue.root}'"
+    action = "It holds <language>/<line>.wav with a .txt beside each."
+    return [Problem("dialogue.root", message, action)]
 
 
 def load_targets(job: Job) -> tuple[list[Target], list[Finding]]:
@@ -160,6 +178,7 @@ def require_distinct_curve_files(plan: Plan) -> None:
 def _inputs(plan: Plan) -> Iterator[Path]:
     job = plan.job
     yield job.source
+    yield from job.dialogue.files
     yield from (target.asset.source for target in plan.targets)
     yield from (job.folder / character.rig for character in job.characters)
     own = (character.model.file for character in job.characters if character.model is not None)

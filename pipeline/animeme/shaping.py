@@ -16,7 +16,7 @@ import numpy as np
 from animeme import registry
 from animeme.contracts import Model
 from animeme.curves import CurveSet, reduce_keys
-from animeme.dialogue import Line
+from animeme.dialogue import Line, has_transcript, transcript_of
 from animeme.documents import suggestion
 from animeme.edits import (
     SAME_TIME_S,
@@ -168,9 +168,8 @@ class LineMotion:
         for path in self._line.files_of("edits", character):
             document = read_edits(path)
             edits += placed(document, path)
-            if document.made_for_text is not None and self._line.transcript.is_file():
-                text = registry.stage("read-transcript")(self._line.transcript)
-                findings += text_changed(document, path, text)
+            if document.made_for_text is not None and has_transcript(self._line):
+                findings += text_changed(document, path, transcript_of(self._line))
         mine = (entry for entry in edits if entry.edit.character in (None, character))
         return tuple(mine), findings
 

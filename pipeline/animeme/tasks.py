@@ -28,7 +28,7 @@ from animeme.contracts import (
     Spoken,
 )
 from animeme.curves import CurveSet, drop_still
-from animeme.dialogue import Line, voice_of
+from animeme.dialogue import Line, has_transcript, transcript_of, voice_of
 from animeme.errors import InputError
 from animeme.files import unwritable, write_text
 from animeme.findings import Finding, Severity
@@ -303,9 +303,9 @@ def _timed_line(
 
 def _transcript(line: Line) -> Callable[[], str] | None:
     """Reads the line's transcript; None where timings may do without."""
-    if line.timings is not None and not line.transcript.is_file():
+    if line.timings is not None and not has_transcript(line):
         return None
-    return partial(registry.stage("read-transcript"), line.transcript)
+    return partial(transcript_of, line)
 
 
 def align_speech(
@@ -349,7 +349,7 @@ def align_speech(
 
 def _speak(line: Line) -> Spoken:
     """The line as a program speaks it, until there is a recording."""
-    text: str = registry.stage("read-transcript")(line.transcript)
+    text = transcript_of(line)
     spoken: Spoken = registry.stage("speak")(text, language=line.language, source=line.transcript)
     return spoken
 

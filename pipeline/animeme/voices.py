@@ -10,7 +10,7 @@ from typing import Any
 
 from animeme import registry
 from animeme.contracts import LearnedVoice, Speech, VoiceLearner
-from animeme.dialogue import Line, voice_path
+from animeme.dialogue import Line, transcript_of, voice_path
 from animeme.errors import InputError
 from animeme.executors import Executor, Result
 from animeme.findings import Finding, Severity, exit_code_of
@@ -159,7 +159,7 @@ def _readable(lines: Sequence[Line]) -> Iterator[tuple[Speech, str]]:
             if not line.findings:
                 yield (
                     registry.stage("read-speech")(line.audio),
-                    registry.stage("read-transcript")(line.transcript),
+                    transcript_of(line),
                 )
         except InputError:
             continue  # aligning says what is wrong with it

@@ -24,6 +24,7 @@ _COMMANDS = {
     "edits": "Start a file of edits by hand beside a recording.",
     "evaluate": "Compare models with captured motion they were not fitted to.",
     "lexicon": "List the words of a dialogue that no dictionary has.",
+    "lines": "List the lines of a dialogue, and what they lack.",
     "rig": "Say which rig profile fits an asset, or draft one.",
     "run": "Run a job: characters and dialogue in, animated assets out.",
     "schema": "Print the JSON Schema of a document.",

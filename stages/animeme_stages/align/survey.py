@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from animeme.dialogue import Line
+from animeme.dialogue import Line, has_transcript, transcript_of
 from animeme.errors import InputError
 from animeme.findings import Finding, Severity
 from animeme.vocabulary import Survey, UnknownWord
@@ -17,7 +17,6 @@ from animeme_stages.align.language import Language, language
 from animeme_stages.align.lexicon import Lexicon, read_lexicon
 from animeme_stages.align.pronounce import dictionary, guess, proposer
 from animeme_stages.align.text import Token, tokens
-from animeme_stages.ingest.transcript import read_transcript
 
 
 @dataclass
@@ -80,8 +79,8 @@ def text_of(line: Line, spoken_in: Language) -> str:
     Raises:
         InputError: it cannot be read.
     """
-    if line.timings is None or line.transcript.is_file():
-        return read_transcript(line.transcript)
+    if line.timings is None or has_transcript(line):
+        return transcript_of(line)
     timings = read_timings(line.timings)
     # Phones need no pronunciation.
     return "" if timings.phones else joined(timings.words, spoken_in)

@@ -99,7 +99,9 @@ class _Speaker:
 
     def _look_up(self, word: Token, line: Line, findings: list[Finding]) -> tuple[_Sound, ...]:
         try:
-            (spoken,) = pronounce([word], self.language, str(line.transcript), self.lexicon)
+            (spoken,) = pronounce(
+                [word], self.language, line.origin or str(line.transcript), self.lexicon
+            )
         except InputError as error:
             if error.code == "transcript-empty":  # it has no sound
                 return ()

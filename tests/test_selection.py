@@ -1,0 +1,68 @@
+"""Some of the lines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from animeme.dialogue import Line
+from animeme.errors import InputError
+from animeme.selection import Selection, read_changed, select
+
+
+def line(key: str) -> Line:
+    language, *character, name = key.split("/", 2)
+    audio = Path("vo", f"{key}.wav")
+    return Line(name, language, "".join(character), audio, audio.with_suffix(".txt"))
+
+
+KEYS = ("de/ada/act1/a", "de/bob/act1/b", "en-US/ada/act1/a", "en/ada/act2/c")
+COMMON = Line("all", "en", "", Path("vo/en/all.wav"), Path("vo/en/all.txt"))
+LINES = (*map(line, KEYS), COMMON)
+CASES: dict[str, tuple[Selection, list[str]]] = {
+    "all": (Selection(), [li.key for li in LINES]),
+    "a language": (
+        Selection(languages=("English",)),
+        ["en-US/ada/act1/a", "en/ada/act2/c", "en/all"],
+    ),
+    "a region": (Selection(languages=("en_us",)), ["en-US/ada/act1/a"]),
+    "a character": (Selection(characters=("bob",)), ["de/bob/act1/b", "en/all"]),
+    "ids": (Selection(patterns=("act1/*",)), list(KEYS[:3])),
+    "keys": (Selection(patterns=("de/*", "*/all")), ["de/ada/act1/a", "de/bob/act1/b", "en/all"]),
+    "both": (Selection(("de",), ("ada",)), ["de/ada/act1/a"]),
+    "changed": (
+        Selection(changed=("de/ada/act1/a", "vo/en/all.txt", "other.md")),
+        ["de/ada/act1/a", "en/all"],
+    ),
+    "nothing changed": (Selection(changed=()), []),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_lines_are_selected(case: str) -> None:
+    selection, keys = CASES[case]
+    assert [li.key for li in select(LINES, selection)] == keys
+    assert selection.everything == (case == "all")
+
+
+@pytest.mark.parametrize(
+    ("selection", "place"),
+    [
+        (Selection(languages=("de", "fr")), "--language"),
+        (Selection(characters=("eva",)), "--character"),
+        (Selection(patterns=("act9/*",)), "--lines"),
+    ],
+)
+def test_what_fits_nothing_is_an_error(selection: Selection, place: str) -> None:
+    with pytest.raises(InputError) as caught:
+        select(LINES, selection)
+    assert (caught.value.code, caught.value.place) == ("selection-empty", place)
+
+
+def test_a_list_of_changes_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "changed.txt"
+    path.write_bytes(b"\xef\xbb\xbfvo/en/all.wav\r\n\r\n de/ada/act1/a \r\n")
+    assert read_changed(path) == ("vo/en/all.wav", "de/ada/act1/a")
+    with pytest.raises(InputError):
+        read_changed(tmp_path / "none")
