@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,22 @@ from support.jobs import SmallJob, small_job
 ROOT = Path(__file__).parents[1]
 SAMPLE = ROOT / "sample_assets"
 LANGUAGES = ("de", "en", "es")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _session_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """No test meets results of the user's runs."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ANIMEME_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The user's cache folder: no test meets results of another."""
+    folder = tmp_path_factory.mktemp("cache")
+    monkeypatch.setenv("ANIMEME_CACHE", str(folder))
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -28,7 +28,7 @@ from support.jobs import (
 from support.schemas import validate
 
 # What `run --json` says beyond the report.
-EFFORT = {"output", "wall_s", "cpu_s"}
+EFFORT = {"output", "wall_s", "cpu_s", "known_lines", "files", "known_files", "step_s"}
 
 
 def job_of_two(folder: Path) -> SmallJob:

@@ -212,6 +212,7 @@ def test_a_minimal_job_gets_every_default(tmp_path: Path) -> None:
         name="sample",
         source=path,
         output=tmp_path / "out",
+        cache=None,
         dialogue=DialogueSource(tmp_path / "dialogue"),
         speak=False,
         aligner="pocketsphinx",

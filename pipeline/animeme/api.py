@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from animeme import registry
+from animeme import registry, rehearsal
 from animeme.aligning import AlignReport, align_lines, lines_below
 from animeme.contracts import Alignment, Model, Spoken
 from animeme.dialogue import Line
@@ -16,11 +16,13 @@ from animeme.executors import Executor
 from animeme.executors.inline import InlineExecutor
 from animeme.executors.local import LocalExecutor, default_workers
 from animeme.findings import RunReport, Severity
-from animeme.job import read_job
+from animeme.job import Job, read_job
 from animeme.preflight import dialogue_of
+from animeme.rehearsal import Rehearsal
 from animeme.rig import Character
-from animeme.runner import Listener, run_job
-from animeme.tasks import Means, align_speech
+from animeme.runner import Listener, Shard, run_job, run_shard
+from animeme.steps import Means, align_speech
+from animeme.store.memory import Memory, default_store, memory
 from animeme.voices import VoicesReport
 from animeme.voices import learn_voices as learn
 
@@ -33,6 +35,9 @@ def run(
     workers: int | None = None,
     fail_on: str = "error",
     speak: bool = False,
+    cache: str | Path | Literal[False] | None = None,
+    rehash: bool = False,
+    shard: str | None = None,
     listener: Listener = lambda _: None,
 ) -> RunReport:
     """Run a job file: characters and dialogue in, animated assets out.
@@ -45,6 +50,11 @@ def run(
         workers: how many processes, all processors if None.
         fail_on: severity at which `RunReport.exit_code` turns 1.
         speak: speak transcripts that have no recording, as the job's ``[dialogue] speak`` does.
+        cache: folder of results that runs share, in place of the job's or the user's; False keeps
+            none, and does everything anew.
+        rehash: read every file, whether or not it looks as it did.
+        shard: "I/N" does the I-th of N parts of the lines, for the store alone; a run without it,
+            with the same store, then writes the files.
         listener: told of progress.
 
     Returns:
@@ -65,13 +75,51 @@ def run(
     _require_executor(executor, workers)
     folder = Path(output) if output is not None else None
     severity = Severity.parse(fail_on)
-    checked = read_job(Path(job), output=folder)
+    part = Shard.parse(shard) if shard is not None else None
+    if part is not None and cache is False:
+        raise ValueError("a shard leaves what it does in a store, so it needs one")
+    form = read_job(Path(job), output=folder, check=False)
     if speak:
-        checked = replace(checked, speak=True)
-    if executor == "inline":
-        return run_job(checked, InlineExecutor(), fail_on=severity, listener=listener)
-    with LocalExecutor(workers or default_workers()) as pool:
-        return run_job(checked, pool, fail_on=severity, listener=listener)
+        form = replace(form, speak=True)
+
+    def work(chosen: Executor, remembered: Memory) -> RunReport:
+        if part is not None:
+            return run_shard(form, chosen, remembered, part, fail_on=severity, listener=listener)
+        return run_job(form, chosen, remembered, fail_on=severity, listener=listener)
+
+    with memory(store_of(form, cache), rehash=rehash) as remembered:
+        if executor == "inline":
+            return work(InlineExecutor(), remembered)
+        with LocalExecutor(workers or default_workers()) as pool:
+            return work(pool, remembered)
+
+
+def rehearse(
+    job: str | Path,
+    *,
+    output: str | Path | None = None,
+    speak: bool = False,
+    cache: str | Path | Literal[False] | None = None,
+    rehash: bool = False,
+) -> Rehearsal:
+    """Say what `run` would do with these arguments, and why; nothing is written.
+
+    Raises:
+        JobError, PluginError: as of `run`.
+    """
+    form = read_job(Path(job), output=Path(output) if output is not None else None, check=False)
+    if speak:
+        form = replace(form, speak=True)
+    folder = store_of(form, cache)
+    with memory(folder, rehash=rehash, dry=folder is not None) as remembered:
+        return rehearsal.rehearse(form, remembered)
+
+
+def store_of(job: Job, cache: str | Path | Literal[False] | None = None) -> Path | None:
+    """The folder of a job's store, as `run` takes it; None for none."""
+    if cache is False:
+        return None
+    return Path(cache) if cache is not None else job.cache or default_store()
 
 
 def _require_executor(executor: str, workers: int | None) -> None:

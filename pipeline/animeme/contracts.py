@@ -93,7 +93,10 @@ class Spoken:
 class Aligner(Protocol):
     """Finds when each phone of a transcript is spoken.
 
-    Results depend on the arguments alone, never on what was aligned before.
+    Results depend on the arguments alone, never on what was aligned before. One that has a method
+    ``lexicon_part(text, *, language, lexicon) -> str`` says with it what of a lexicon counts for a
+    text, "" for nothing, so that a changed entry has only those lines aligned again that have its
+    word; without it every line is.
     """
 
     name: ClassVar[str]
@@ -316,6 +319,13 @@ class Format(Protocol):
 
         Raises:
             InputError: the asset refers to files outside its folder.
+        """
+        ...
+
+    def inputs(self, character: Character) -> Iterable[Path]:
+        """Files besides `character.source` that the character is made of, wherever they lie.
+
+        When one of them changes, the asset is read and written anew.
         """
         ...
 

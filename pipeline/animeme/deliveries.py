@@ -26,7 +26,7 @@ from animeme.dialogue import Line, find_lines
 from animeme.errors import InputError
 from animeme.files import anywhere
 from animeme.rig import BoundRig, Character
-from animeme.tasks import Means, align_speech
+from animeme.steps import Means, align_speech
 
 # A character whose file has no face is no delivery of ours to judge; a file that was named is.
 NO_FACE = "asset-no-blendshapes"

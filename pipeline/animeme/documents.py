@@ -10,7 +10,9 @@ from __future__ import annotations
 import difflib
 import json
 import tomllib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import replace
 from pathlib import Path
 from types import UnionType
@@ -41,6 +43,12 @@ class JobSection(Document):
 
     name: str = Field(min_length=1, description="What reports call it.")
     output: str = Field("out", description="Output folder, relative to the job file.")
+    cache: str | None = Field(
+        None,
+        min_length=1,
+        description="Folder of results that runs share, relative to the job file; the user's "
+        "own by default.",
+    )
 
 
 class ColumnsSection(Document):
@@ -466,6 +474,52 @@ class AlignReportDocument(Document):
     lines: list[AlignedLineEntry] = Field(description="Sorted by id.")
 
 
+class RehearsalTotals(Document):
+    """How much a run would have to do."""
+
+    lines: int
+    stale: int = Field(description="Lines that would be worked on.")
+    files: int
+    unwritten: int = Field(description="Asset files that would be written.")
+
+
+class StaleLineEntry(Document):
+    """A line that would be worked on."""
+
+    line: str = Field(description="<language>/<line>.")
+    causes: list[str] = Field(description="What has changed of it, or `new`.")
+
+
+class RehearsalDocument(Document):
+    """What a run would do."""
+
+    schema_: Literal["animeme.rehearsal/1"] = Field(alias="schema")
+    animeme: str = Field(description="Version that would run.")
+    job: str
+    totals: RehearsalTotals
+    causes: dict[str, int] = Field(description="Cause → how many lines it makes stale.")
+    lines: list[StaleLineEntry]
+    files: list[str] = Field(
+        description="Asset files that would be written, relative to the output folder."
+    )
+
+
+class CacheDocument(Document):
+    """A store, or what became of it."""
+
+    schema_: Literal["animeme.cache/1"] = Field(alias="schema")
+    store: str = Field(description="Its folder.")
+    results: int | None = Field(None, description="How many results it has.")
+    bytes: int | None = Field(None, description="Size of all that is left.")
+    oldest: str | None = Field(None, description="When the longest unused was used, in UTC.")
+    newest: str | None = Field(None, description="When the last one was used, in UTC.")
+    index: str | None = Field(None, description="This machine's index of it.")
+    index_bytes: int | None = None
+    damaged: list[str] | None = Field(None, description="Keys of results that were removed.")
+    removed: int | None = Field(None, description="How many results were removed.")
+    freed_bytes: int | None = None
+
+
 LimitValue = Number | str | list[str]
 Reason = Annotated[str, Field(min_length=8)]
 
@@ -558,12 +612,14 @@ KINDS: dict[str, type[BaseModel]] = {
     "align-report": AlignReportDocument,
     "alignment": AlignmentDocument,
     "bigrams": BigramsDocument,
+    "cache": CacheDocument,
     "check-profile": CheckProfileDocument,
     "curves": CurvesDocument,
     "edits": EditsDocument,
     "job": JobDocument,
     "manifest": ManifestDocument,
     "model": ModelDocument,
+    "rehearsal": RehearsalDocument,
     "report": ReportDocument,
     "rig": RigDocument,
     "validation": ValidationDocument,
@@ -576,12 +632,18 @@ _UPGRADES: dict[tuple[str, int], Callable[[dict[str, Any]], dict[str, Any]]] = {
 }
 
 
+_read_files: ContextVar[list[Path] | None] = ContextVar("_read_files", default=None)
+
+
 def parse_file(path: Path) -> dict[str, Any]:
     """The content of a ``.json`` or ``.toml`` file whose top level is an object.
 
     Raises:
         InputError: it is missing or broken.
     """
+    noted = _read_files.get()
+    if noted is not None:
+        noted.append(path)
     try:
         text = path.read_text(encoding="utf-8")
         data = tomllib.loads(text) if path.suffix.lower() == ".toml" else json.loads(text)
@@ -592,6 +654,20 @@ def parse_file(path: Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise _unreadable(path, "its top level is not an object")
     return data
+
+
+@contextmanager
+def reading() -> Iterator[list[Path]]:
+    """Note which files are read as documents meanwhile: one may be built on others."""
+    outer = _read_files.get()
+    noted: list[Path] = []
+    token = _read_files.set(noted)
+    try:
+        yield noted
+    finally:
+        _read_files.reset(token)
+        if outer is not None:
+            outer.extend(noted)
 
 
 def kind_of(path: Path) -> str:

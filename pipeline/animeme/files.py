@@ -13,12 +13,16 @@ from animeme.errors import InputError
 
 
 @contextmanager
-def atomic_path(target: Path) -> Iterator[Path]:
+def atomic_path(target: Path, *, durable: bool = True) -> Iterator[Path]:
     """Give a path beside `target` to write to, and rename it to `target` on success.
 
-    The file is flushed to disk before it takes its name, so that a crash of the machine leaves the
-    old file or the new one. The temporary keeps `target`'s suffix, by which writers choose a
-    format, and is short, so that it fits wherever `target` does.
+    A durable file is flushed to disk before it takes its name, so that a crash of the machine
+    leaves the old file or the new one. The temporary keeps `target`'s suffix, by which writers
+    choose a format, and is short, so that it fits wherever `target` does.
+
+    Args:
+        target: the file.
+        durable: flush it; not worth the wait for what the next run makes again if it is damaged.
 
     Raises:
         InputError: the folder or the file cannot be written.
@@ -27,8 +31,9 @@ def atomic_path(target: Path) -> Iterator[Path]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         yield scratch
-        with scratch.open("rb+") as stream:
-            os.fsync(stream.fileno())
+        if durable:
+            with scratch.open("rb+") as stream:
+                os.fsync(stream.fileno())
         scratch.replace(target)
     except OSError as error:
         raise unwritable(target, error) from error
@@ -61,6 +66,21 @@ def write_text(target: Path, text: str) -> None:
     """Write `text` to `target` as UTF-8 with LF line ends, atomically."""
     with atomic_path(target) as scratch:
         scratch.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_bytes(target: Path, data: bytes, *, durable: bool = True) -> None:
+    """Write `data` to `target`, atomically; see `atomic_path`."""
+    with atomic_path(target, durable=durable) as scratch:
+        scratch.write_bytes(data)
+
+
+def stamp(path: str | Path) -> str:
+    """What changes when a file is written: size, times of change, inode; "" if it is not there."""
+    try:
+        state = os.stat(path)
+    except OSError:
+        return ""
+    return f"{state.st_size}:{state.st_mtime_ns}:{state.st_ctime_ns}:{state.st_ino}"
 
 
 def sha256(path: Path) -> str:

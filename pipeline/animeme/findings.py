@@ -6,7 +6,7 @@ permanent: people write them into exclusion lists and CI rules.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from enum import IntEnum
 from typing import Any, Literal
@@ -126,6 +126,23 @@ class LineResult:
 
 
 @dataclass(frozen=True)
+class Effort:
+    """What a run had to do.
+
+    Attributes:
+        lines, files: how many there are to make.
+        known_lines, known_files: how many of them were there already.
+        step_s: step → CPU seconds that it took, over all workers.
+    """
+
+    lines: int = 0
+    files: int = 0
+    known_lines: int = 0
+    known_files: int = 0
+    step_s: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class RunReport:
     """The result of a run: every line's end and every finding.
 
@@ -136,6 +153,7 @@ class RunReport:
         outputs: delivered asset files, relative to the output folder, sorted.
         fail_on: the severity at which the exit code turns 1.
         wall_s, cpu_s: the run's own time; not in ``report.json``, which repeats byte for byte.
+        effort: what was done, and what an earlier run had done already; not in it either.
     """
 
     job: str
@@ -145,6 +163,12 @@ class RunReport:
     fail_on: Severity = Severity.ERROR
     wall_s: float = field(default=0.0, compare=False)
     cpu_s: float = field(default=0.0, compare=False)
+    effort: Effort = field(default_factory=Effort, compare=False)
+
+    @property
+    def audio_s(self) -> float:
+        """Seconds of audio, each recording once, however many characters speak it."""
+        return sum({line.line: line.audio_s for line in self.lines}.values())
 
     @property
     def all_findings(self) -> tuple[Finding, ...]:

@@ -68,6 +68,7 @@ class Job:
         name: what reports call it.
         source: the job file.
         output: output folder.
+        cache: folder of the store, None for the user's.
         dialogue: where the lines come from.
         speak: speak transcripts that have no recording.
         aligner: name of the aligner.
@@ -82,6 +83,7 @@ class Job:
     name: str
     source: Path
     output: Path
+    cache: Path | None
     dialogue: DialogueSource
     speak: bool
     aligner: str
@@ -98,12 +100,13 @@ class Job:
         return self.source.parent
 
 
-def read_job(path: Path, *, output: Path | None = None) -> Job:
+def read_job(path: Path, *, output: Path | None = None, check: bool = True) -> Job:
     """Read and validate a job file.
 
     Args:
         path: the TOML file.
         output: output folder in place of the job's own.
+        check: look also at the files and plug-ins that it names, as `check_job` does.
 
     Raises:
         JobError: everything that is wrong with it, each with its TOML path.
@@ -114,11 +117,21 @@ def read_job(path: Path, *, output: Path | None = None) -> Job:
         document = JobDocument.model_validate(data)
     except ValidationError as error:
         problems = problems_of(error, JobDocument)
-    misshapen = {problem.path for problem in problems}
-    problems += [p for p in _problems(data, path.parent) if p.path not in misshapen]
+    if check or problems:
+        misshapen = {problem.path for problem in problems}
+        problems += [p for p in _problems(data, path.parent) if p.path not in misshapen]
     if problems:
         raise JobError(str(path), sorted(dict.fromkeys(problems), key=lambda p: p.path))
     return _job(document, path, output)
+
+
+def check_job(job: Job) -> None:
+    """Look at the files and plug-ins that a job names.
+
+    Raises:
+        JobError: everything that is wrong with them, each with its TOML path.
+    """
+    read_job(job.source)
 
 
 def _parse(path: Path) -> dict[str, Any]:
@@ -149,6 +162,7 @@ def _job(document: JobDocument, path: Path, output: Path | None) -> Job:
         name=document.job.name,
         source=path,
         output=output or folder / document.job.output,
+        cache=folder / Path(document.job.cache).expanduser() if document.job.cache else None,
         dialogue=_dialogue(document.dialogue, folder),
         speak=document.dialogue.speak,
         aligner=document.align.aligner,

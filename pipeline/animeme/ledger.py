@@ -5,13 +5,22 @@ from __future__ import annotations
 import json
 import time
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TextIO
 
+from animeme.dialogue import Line
 from animeme.executors import Result
-from animeme.findings import Finding, LineResult, RunReport, Severity, status_of
+from animeme.findings import (
+    Effort,
+    Finding,
+    LineResult,
+    LineStatus,
+    RunReport,
+    Severity,
+    status_of,
+)
 from animeme.plan import Plan
 from animeme.tasks import (
     AssemblyItem,
@@ -19,8 +28,8 @@ from animeme.tasks import (
     AssetOutcome,
     LineItem,
     LineOutcome,
-    alignment_path,
-    speech_path,
+    alignment_file,
+    speech_file,
 )
 
 
@@ -36,7 +45,11 @@ class Ledger:
         findings: number of each line → its findings.
         general: findings that concern no single line.
         outputs: number of each line, character → files that hold it.
-        written: every asset file written.
+        written: every asset file that is there as this run would write it.
+        curves: number of each line → target → key and digest of its curves.
+        known_lines, known_files: how many an earlier run had done.
+        files: how many files there are to write.
+        step_s: step → CPU seconds over all workers.
     """
 
     plan: Plan
@@ -47,48 +60,105 @@ class Ledger:
     general: list[Finding] = field(default_factory=list)
     outputs: dict[tuple[int, str], set[Path]] = field(default_factory=lambda: defaultdict(set))
     written: set[Path] = field(default_factory=set)
+    curves: dict[int, dict[int, tuple[str, str]]] = field(default_factory=dict)
+    known_lines: int = 0
+    known_files: int = 0
+    files: int = 0
+    step_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     _failed: set[int] = field(default_factory=set)
     _lost: dict[str, list[Finding]] = field(default_factory=dict)
 
     def record(self, event: str, **data: Any) -> None:
         """Write one event to the log."""
-        at = time.strftime("%Y-%m-%dT%H:%M:%S%z")
-        self.log.write(json.dumps({"event": event, "at": at, **data}, ensure_ascii=False) + "\n")
+        self.log.write(_event(event, data))
+        self.log.flush()
+
+    def take_up(self, outcomes: Mapping[int, LineOutcome]) -> None:
+        """Take in lines, by number, that an earlier run did as this one would."""
+        self.known_lines += len(outcomes)
+        at = _now()
+        for number, outcome in outcomes.items():
+            self._end(number, outcome)
+            line = {"line": self.plan.lines[number].key, "status": self._status(number)}
+            self.log.write(_event("line", {**line, "outcome": "known"}, at))
         self.log.flush()
 
     def end_line(self, item: LineItem, result: Result) -> None:
         """Take in how the work on a line ended."""
         outcome: LineOutcome | None = result.value
+        self.findings.pop(item.number, None)
+        self._failed.discard(item.number)
+        steps: dict[str, Any] = {}
         if outcome is None:
             fault = fault_of(result, str(item.line.audio))
             self._add(item.number, [replace(fault, line=item.line.key)])
         else:
-            self.audio_s[item.number] = outcome.audio_s
-            self.spoken |= {item.number} if outcome.spoken else set()
-            self._add(item.number, outcome.findings)
-        status = status_of(self.findings[item.number])
-        self.record("line", line=item.line.key, status=status, **_effort(result))
+            self._end(item.number, outcome)
+            for step, seconds, _ in outcome.effort:
+                self.step_s[step] += seconds
+            if outcome.effort and all(found for *_, found in outcome.effort):
+                self.known_lines += 1
+            anew = {step for step, _, found in outcome.effort if not found}
+            names = dict.fromkeys(step for step, *_ in outcome.effort)
+            steps = {"found": [step for step in names if step not in anew]}
+            steps |= {"made": [step for step in names if step in anew]}
+            steps |= {"damaged": outcome.damaged} if outcome.damaged else {}
+        status = self._status(item.number)
+        self.record("line", line=item.line.key, status=status, **steps, **_effort(result))
+
+    def _end(self, number: int, outcome: LineOutcome) -> None:
+        self.audio_s[number] = outcome.audio_s
+        self.curves[number] = {target: (key, digest) for target, key, digest in outcome.curves}
+        if outcome.spoken:
+            self.spoken.add(number)
+        if outcome.findings:
+            self._add(number, outcome.findings)
+
+    def _status(self, number: int) -> LineStatus:
+        return status_of(self.findings.get(number, ()))
+
+    def take_up_asset(self, item: AssetItem, outcome: AssetOutcome) -> None:
+        """Take in a file that an earlier run wrote as this one would."""
+        self.known_files += 1
+        self._end_asset(item, outcome.outputs, outcome.findings)
+        what = {"output": self._relative(item.output), "lines": len(item.lines)}
+        self.log.write(_event("asset", {**what, "outcome": "known"}))
 
     def end_asset(self, item: AssetItem, result: Result) -> None:
         """Take in how the work on a file ended: its findings go to the lines in it."""
-        character = self.plan.targets[item.target].character
         outcome: AssetOutcome | None = result.value
         findings = (fault_of(result, str(item.output)),) if outcome is None else outcome.findings
-        for number, name, *_ in item.lines:
-            line = self.plan.lines[number].key
-            own = (finding for finding in findings if finding.line in ("", name))
-            self._add(number, (replace(f, line=line, character=character) for f in own))
-            self.outputs[number, character] |= set(outcome.outputs if outcome else ())
-        self.written |= set(outcome.outputs if outcome else ())
+        self.step_s["write"] += result.cpu_s
+        self._end_asset(item, outcome.outputs if outcome else (), findings)
         self.record(
             "asset", output=self._relative(item.output), lines=len(item.lines), **_effort(result)
         )
+
+    def _end_asset(
+        self, item: AssetItem, outputs: Sequence[Path], findings: Sequence[Finding]
+    ) -> None:
+        character = self.plan.targets[item.target].character
+        for number, name, *_ in item.lines:
+            if findings:
+                line = self.plan.lines[number].key
+                own = (finding for finding in findings if finding.line in ("", name))
+                self._add(number, (replace(f, line=line, character=character) for f in own))
+            self.outputs[number, character].update(outputs)
+        self.written.update(outputs)
+
+    def take_up_assembly(self, item: AssemblyItem, outcome: AssetOutcome) -> None:
+        """Take in a file that joins languages and was there already."""
+        self.known_files += 1
+        self.general += outcome.findings
+        self.written.update(outcome.outputs)
+        self.record("assembly", output=self._relative(item.output), outcome="known")
 
     def end_assembly(self, item: AssemblyItem, result: Result) -> None:
         """Take in how the work on a file that joins languages ended."""
         character = self.plan.targets[item.target].character
         outcome: AssetOutcome | None = result.value
         findings = (fault_of(result, str(item.output)),) if outcome is None else outcome.findings
+        self.step_s["write"] += result.cpu_s
         # Its lines are in the languages' own files: what is wrong here fails none of them.
         self.general += [replace(finding, character=character) for finding in findings]
         self.written |= set(outcome.outputs if outcome else ())
@@ -96,28 +166,25 @@ class Ledger:
 
     def good(self, character: str) -> dict[int, float]:
         """Lines that have curves for a character, with their length in seconds."""
+        bad = {
+            number
+            for number, findings in self.findings.items()
+            for finding in findings
+            if finding.severity == Severity.ERROR and finding.character in ("", character)
+        }
         return {
             number: length_s
             for number, length_s in self.audio_s.items()
-            if length_s
-            and not any(
-                finding.severity == Severity.ERROR and finding.character in ("", character)
-                for finding in self.findings[number]
-            )
+            if length_s and number not in bad
         }
 
-    def fresh(self) -> set[Path]:
-        """Every file that this run wrote, alignments included."""
-        aligned = {
-            alignment_path(self.plan.job.output, self.plan.lines[number])
-            for number, length_s in self.audio_s.items()
-            if length_s and number not in self._failed
-        }
-        spoken = {
-            speech_path(self.plan.job.output, self.plan.lines[number])
-            for number in self.spoken - self._failed
-        }
-        return self.written | aligned | spoken
+    def fresh(self) -> set[str]:
+        """Every file that is there as this run would write it, alignments included."""
+        output, lines = self.plan.job.output, self.plan.lines
+        good = {number for number, length_s in self.audio_s.items() if length_s} - self._failed
+        fresh = {str(path) for path in self.written}
+        fresh |= {alignment_file(output, lines[number]) for number in good}
+        return fresh | {speech_file(output, lines[number]) for number in self.spoken - self._failed}
 
     @property
     def failed(self) -> int:
@@ -138,7 +205,7 @@ class Ledger:
             if finding.severity == Severity.ERROR and finding.character not in driven:
                 self._lost[finding.character].append(finding)
         lines = [
-            self._line_result(number, character)
+            self._line_result(number, line, character)
             for number, line in enumerate(self.plan.lines)
             for character in self.plan.characters_of(line)
         ]
@@ -148,29 +215,52 @@ class Ledger:
             tuple(sorted(self.general, key=lambda f: (-f.severity, f.character, f.code, f.place))),
             tuple(sorted(self._relative(path) for path in self.written)),
             fail_on,
+            effort=Effort(
+                len(self.audio_s),
+                self.files,
+                self.known_lines,
+                self.known_files,
+                {step: round(seconds, 3) for step, seconds in sorted(self.step_s.items())},
+            ),
         )
 
-    def _line_result(self, number: int, character: str) -> LineResult:
-        line = self.plan.lines[number]
-        findings = [f for f in self.findings[number] if f.character in ("", character)]
+    def _line_result(self, number: int, line: Line, character: str) -> LineResult:
+        key = line.key
+        outputs = self.outputs.get((number, character), ())
+        paths = tuple(sorted(self._relative(path) for path in outputs))
+        own, lost = self.findings.get(number, ()), self._lost.get(character, ())
+        if not own and not lost:
+            seconds = self.audio_s.get(number, 0.0)
+            return LineResult(key, line.language, character, seconds, "ok", (), paths)
+        findings = [f for f in own if f.character in ("", character)]
         # An asset that could not be loaded fails every line of its character.
         findings += [
-            replace(f, line=line.key, message=f"its character's asset cannot be used: {f.message}")
-            for f in self._lost.get(character, ())
+            replace(f, line=key, message=f"its character's asset cannot be used: {f.message}")
+            for f in lost
         ]
         distinct = dict.fromkeys(replace(f, character=character) for f in findings)
         return LineResult(
-            line.key,
+            key,
             line.language,
             character,
             self.audio_s.get(number, 0.0),
             status_of(distinct),
             tuple(sorted(distinct, key=lambda f: (-f.severity, f.code, f.place, f.message))),
-            tuple(sorted(map(self._relative, self.outputs[number, character]))),
+            paths,
         )
 
     def _relative(self, path: Path) -> str:
-        return path.relative_to(self.plan.job.output).as_posix()
+        """A path below the output folder; there may be as many as lines."""
+        return str(path)[len(str(self.plan.job.output)) + 1 :]
+
+
+def _now() -> str:
+    return time.strftime("%Y-%m-%dT%H:%M:%S%z")
+
+
+def _event(event: str, data: Mapping[str, Any], at: str = "") -> str:
+    at = at or _now()
+    return json.dumps({"event": event, "at": at, **data}, ensure_ascii=False) + "\n"
 
 
 def _effort(result: Result) -> dict[str, Any]:

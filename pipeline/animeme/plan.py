@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -11,7 +12,14 @@ from pathlib import Path
 from animeme import registry
 from animeme.dialogue import Line
 from animeme.job import Job
-from animeme.tasks import AssemblyItem, AssetItem, LineItem, Target, alignment_path, speech_path
+from animeme.tasks import (
+    AssemblyItem,
+    AssetItem,
+    AssetLine,
+    Target,
+    alignment_file,
+    speech_file,
+)
 
 REPORT_NAMES = ("report.json", "summary.md", "run.jsonl")
 
@@ -43,34 +51,38 @@ class Plan:
     def _own(self) -> frozenset[tuple[str, str, str]]:
         return frozenset((li.language, li.character, li.id) for li in self.lines if li.character)
 
-    def line_items(self, spool: Path) -> list[LineItem]:
-        """One item per line that has an asset to speak it."""
-        items = []
+    def spoken_lines(self) -> Iterator[tuple[int, Line, tuple[int, ...]]]:
+        """Number, line and indices of targets of each line that has an asset to speak it."""
+        of: dict[str, list[int]] = defaultdict(list)
+        for index, target in enumerate(self.targets):
+            of[target.character].append(index)
         for number, line in enumerate(self.lines):
-            speakers = self.characters_of(line)
-            targets = [i for i, t in enumerate(self.targets) if t.character in speakers]
+            targets = sorted(i for name in self.characters_of(line) for i in of.get(name, ()))
             if targets:
-                items.append(LineItem(line, tuple(targets), spool, number))
-        return items
+                yield number, line, tuple(targets)
 
     def asset_items(
-        self, good: Callable[[str], Mapping[int, float]], spool: Path
+        self,
+        good: Callable[[str], Mapping[int, float]],
+        curves: Mapping[int, Mapping[int, tuple[str, str]]],
+        spool: Path,
     ) -> list[AssetItem]:
         """One item per file to write.
 
         Args:
             good: character → number of each line that has curves → its length in seconds.
+            curves: number of a line → target → key and digest of its curves.
             spool: the run's spool folder.
         """
         items: list[AssetItem] = []
         for index, target in enumerate(self.targets):
-            files: dict[tuple[str, Path], list[tuple[int, str, float, Path]]] = defaultdict(list)
+            files: dict[tuple[str, Path], list[AssetLine]] = defaultdict(list)
             for number, length_s in sorted(good(target.character).items()):
                 line = self.lines[number]
-                if target.character in self.characters_of(line):
-                    file = (line.language, self._file(target, line))
-                    audio = self._heard(line)
-                    files[file].append((number, line.id, length_s, audio))
+                if target.character in self.characters_of(line) and index in curves[number]:
+                    file = (line.language, self.file_of(target, line))
+                    key, audio = curves[number][index][0], self._heard(line)
+                    files[file].append((number, line.id, length_s, key, audio))
             items += [
                 AssetItem(
                     index, language, tuple(lines), output, spool, self._exports(target, lines)
@@ -79,13 +91,11 @@ class Plan:
             ]
         return items
 
-    def _exports(
-        self, target: Target, lines: list[tuple[int, str, float, Path]]
-    ) -> tuple[tuple[int, str, Path], ...]:
-        """(place in `lines`, kind, file) of each curve file that goes with an asset's file."""
+    def _exports(self, target: Target, lines: list[AssetLine]) -> tuple[tuple[int, str, Path], ...]:
+        """(number of the line, kind, file) of each curve file that goes with an asset's file."""
         return tuple(
-            (place, kind, path)
-            for place, (number, *_) in enumerate(lines)
+            (number, kind, path)
+            for number, *_ in lines
             for kind, path in self._curve_files(target, self.lines[number])
         )
 
@@ -115,18 +125,20 @@ class Plan:
             path = self.assembly_path(target)
             files = tuple(entry for entry in self.language_files(target) if entry[1] in written)
             if path is not None and files:
-                items.append(AssemblyItem(index, files, path, spool, self.package_path(target)))
+                package = self.package_path(target)
+                sounds = map(self._heard, self._lines_of(target)) if package else ()
+                items.append(AssemblyItem(index, files, path, spool, package, tuple(sounds)))
         return items
 
     def language_files(self, target: Target) -> list[tuple[str, Path]]:
         """Language and file of each file that holds all lines of a language."""
         if target.layout != "per-character":
             return []
-        return sorted({(li.language, self._file(target, li)) for li in self._lines_of(target)})
+        return sorted({(li.language, self.file_of(target, li)) for li in self._lines_of(target)})
 
     def assembly_path(self, target: Target) -> Path | None:
         """Where a format that joins languages puts the joined file; None where there is none."""
-        suffix = target.format.assembly_suffix
+        suffix = target.assembly_suffix
         if not suffix or target.layout != "per-character":
             return None
         return self.job.output / f"{target.character}{suffix}"
@@ -143,17 +155,17 @@ class Plan:
         yield from self.possible_files()
         for target in self.targets:
             beside = target.format.companions(target.asset)
-            folders = {self._file(target, line).parent for line in self._lines_of(target)}
+            folders = {self.file_of(target, line).parent for line in self._lines_of(target)}
             yield from (folder / name for folder in sorted(folders) for name in beside)
 
     def possible_files(self) -> Iterator[Path]:
         """Every asset, alignment, speech and curve file of the run, and not what comes along."""
         for line in self.lines:
-            yield alignment_path(self.job.output, line)
-            yield speech_path(self.job.output, line)
+            yield Path(alignment_file(self.job.output, line))
+            yield Path(speech_file(self.job.output, line))
         yield from self.curve_files()
         for target in self.targets:
-            yield from dict.fromkeys(self._file(target, line) for line in self._lines_of(target))
+            yield from dict.fromkeys(self.file_of(target, line) for line in self._lines_of(target))
             joined = (self.assembly_path(target), self.package_path(target))
             yield from (path for path in joined if path is not None)
 
@@ -162,12 +174,12 @@ class Plan:
 
     def _heard(self, line: Line) -> Path:
         """The line's recording, or what the run spoke in its place."""
-        return line.audio if line.audio.exists() else speech_path(self.job.output, line)
+        recorded = os.path.exists(line.audio)
+        return line.audio if recorded else Path(speech_file(self.job.output, line))
 
-    def _file(self, target: Target, line: Line) -> Path:
+    def file_of(self, target: Target, line: Line) -> Path:
         """The file of `target` that holds `line`."""
-        suffix = target.format.output_suffix(target.asset.source)
         folder = self.job.output / line.language
         if target.layout == "per-character":
-            return folder / f"{target.character}{suffix}"
-        return folder / target.character / f"{line.id}{suffix}"
+            return folder / f"{target.character}{target.suffix}"
+        return folder / target.character / f"{line.id}{target.suffix}"

@@ -3,19 +3,99 @@
 from __future__ import annotations
 
 import filecmp
+import os
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
-from animeme import registry
+from pydantic import TypeAdapter
+
+from animeme import documents, registry
+from animeme.contracts import Model
 from animeme.dialogue import Line
 from animeme.errors import InputError, JobError, Problem
 from animeme.findings import Finding, Severity
 from animeme.gathering import gather
-from animeme.job import Job
-from animeme.plan import Plan
+from animeme.job import Job, check_job
+from animeme.plan import REPORT_NAMES, Plan
 from animeme.side_cars import with_side_cars
+from animeme.store.keys import key_of
+from animeme.store.memory import Memory
 from animeme.tasks import Target
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A job that has been looked at: it can be run.
+
+    Attributes:
+        targets: assets that can be driven.
+        findings: about those that cannot, or lack something.
+        inputs: digest of every file that an asset is made of and of every document, by path.
+    """
+
+    targets: tuple[Target, ...]
+    findings: tuple[Finding, ...]
+    inputs: dict[str, str]
+
+
+def prepare(job: Job, memory: Memory) -> Prepared:
+    """Check a job's values, plug-ins and assets, unless that has been done for what they are now.
+
+    Raises:
+        JobError: everything that is wrong with the job, or no asset could be driven, or two assets
+            bring different files to one place.
+        PluginError: a plug-in that the job needs cannot be loaded.
+    """
+    key = _prepared_key(job, memory)
+    noted = memory.index.note(key) if key else None
+    if noted is not None:
+        known = _PREPARED().validate_json(noted)
+        if all(memory.digests.of(path) == digest for path, digest in known.inputs.items()):
+            return known
+    with documents.reading() as files:
+        check_job(job)
+        load_plugins(job)
+        targets, findings = load_targets(job)
+    require_distinct_companions(job, targets)
+    files += [path for target in targets for path in (target.asset.source, *target.inputs)]
+    digests = {str(path): memory.digests.of(path) for path in files}
+    prepared = Prepared(
+        tuple(targets), tuple(findings), {path: digest or "" for path, digest in digests.items()}
+    )
+    # What is wrong with an asset may be a file that it cannot name.
+    broken = any(finding.severity == Severity.ERROR for finding in findings)
+    if key and not broken and None not in digests.values():
+        memory.index.set_note(key, _PREPARED().dump_json(prepared).decode())
+    return prepared
+
+
+@cache
+def _PREPARED() -> TypeAdapter[Prepared]:  # noqa: N802  made when it is needed
+    return TypeAdapter(Prepared)
+
+
+def _prepared_key(job: Job, memory: Memory) -> str:
+    """What the answer of `prepare` depends on; "" if a file of it cannot be read."""
+    files = [job.source, *(job.folder / character.rig for character in job.characters)]
+    files += [path for path in (job.lexicon, *_model_files(job)) if path is not None]
+    files += [path for character in job.characters for path in character.assets]
+    files += job.dialogue.files
+    digests = [memory.digests.of(path) if not path.is_dir() else "folder" for path in files]
+    root = job.dialogue.root
+    if None in digests or not (root is None or root.is_dir()):
+        return ""
+    plugins = [p for group in registry.GROUPS for p in registry.plugins(group).values()]
+    code = memory.code.of(plugins, "animeme.preflight")
+    names = [f"{path}\n{digest}" for path, digest in zip(files, digests, strict=True)]
+    return key_of("prepared", [os.getcwd(), code, str(job.speak), *names])
+
+
+def _model_files(job: Job) -> Iterator[Path | None]:
+    yield job.model_file
+    yield from (character.model.file for character in job.characters if character.model)
 
 
 def load_plugins(job: Job) -> None:
@@ -76,20 +156,36 @@ def load_targets(job: Job) -> tuple[list[Target], list[Finding]]:
     """
     targets: list[Target] = []
     findings: list[Finding] = []
-    controls = registry.load_model(job.model, file=job.model_file).controls
+    model, model_files = _loaded(job.model, job.model_file)
     for character in job.characters:
+        own = character.model
+        files = model_files if own is None else _loaded(own.name, own.file)[1]
         for path in character.assets:
             try:
-                asset = registry.format_of(path).load(path, within=character.asset_root)
+                form = registry.format_of(path)
+                asset = form.load(path, within=character.asset_root)
                 rig = registry.stage("bind-rig")(
-                    character.rig, asset, job.folder, controls=controls
+                    character.rig, asset, job.folder, controls=model.controls
                 )
-                target = Target(character.name, asset, rig, character.model, character.layout)
-                _ = target.format  # refuses a layout that this asset cannot have
+                inputs = tuple(form.inputs(asset))
+                # Refuses a layout that this asset cannot have.
+                writer = form.for_layout(character.layout, asset)
             except InputError as error:
                 findings.append(Finding.from_error(error, character=character.name))
                 continue
-            targets.append(target)
+            targets.append(
+                Target(
+                    character.name,
+                    asset,
+                    rig,
+                    writer.output_suffix(path),
+                    writer.assembly_suffix,
+                    inputs,
+                    own,
+                    files,
+                    character.layout,
+                )
+            )
             if rig.missing:
                 findings.append(_missing_shapes(targets[-1]))
     # A character with one broken asset is broken: half a delivery would pass for a whole one.
@@ -103,6 +199,13 @@ def load_targets(job: Job) -> tuple[list[Target], list[Finding]]:
         ]
         raise JobError(str(job.source), problems)
     return targets, findings
+
+
+def _loaded(name: str, file: Path | None) -> tuple[Model, tuple[Path, ...]]:
+    """A model, and the files that it is made of."""
+    with documents.reading() as files:
+        model = registry.load_model(name, file=file)
+    return model, tuple(dict.fromkeys(path for path in files if path.is_file()))
 
 
 def _missing_shapes(target: Target) -> Finding:
@@ -142,12 +245,12 @@ def require_free_outputs(plan: Plan) -> None:
     Raises:
         JobError: names each input in the way.
     """
-    output = plan.job.output.resolve()
-    inputs = {path.resolve() for path in _inputs(plan)}
-    near = {path for path in inputs if path.is_relative_to(output)}
+    output = str(plan.job.output.resolve())
+    inputs = _resolved(_inputs(plan))
+    near = {path for path in inputs if path.startswith(output + os.sep)}
     if not near:
         return
-    clashes = sorted(near & {path.resolve() for path in plan.possible_outputs()})
+    clashes = sorted(near & {str(path.resolve()) for path in plan.possible_outputs()})
     if clashes:
         action = "Choose another output folder."
         raise JobError(
@@ -181,29 +284,55 @@ def _inputs(plan: Plan) -> Iterator[Path]:
     yield from job.dialogue.files
     yield from (target.asset.source for target in plan.targets)
     yield from (job.folder / character.rig for character in job.characters)
-    own = (character.model.file for character in job.characters if character.model is not None)
-    yield from (path for path in (job.model_file, job.lexicon, job.voices, *own) if path)
+    yield from (path for path in (job.lexicon, job.voices, *_model_files(job)) if path)
     for line in plan.lines:
         yield from (line.audio, line.transcript)
         yield from () if line.timings is None else (line.timings,)
         yield from (car.path for car in line.side_cars)
 
 
-def stale_outputs(plan: Plan, written: Iterable[Path]) -> Iterator[Finding]:
+def _resolved(paths: Iterable[Path]) -> set[str]:
+    """The files that paths mean; thousands of them in a few folders, so each folder once."""
+    folders: dict[str, str] = {}
+    found = set()
+    for path in map(str, paths):
+        folder, name = os.path.split(path)
+        if folder not in folders:
+            folders[folder] = os.path.realpath(folder)
+        place = os.path.join(folders[folder], name)
+        found.add(os.path.realpath(place) if os.path.islink(place) else place)
+    return found
+
+
+def stale_outputs(plan: Plan, fresh: Collection[str]) -> Iterator[Finding]:
     """A warning for each file of an earlier run that this one would have written, but did not."""
-    fresh = set(written)
-    for path in plan.possible_files():
-        if path not in fresh and path.is_file():
+    output = str(plan.job.output)
+    left = {path for path in _files_below(output) if path not in fresh}
+    left -= {os.path.join(output, name) for name in REPORT_NAMES}
+    for path in map(str, plan.possible_files() if left else ()):
+        if path in left:
             yield Finding(
                 Severity.WARNING,
                 "output-stale",
                 "is from an earlier run: this one had nothing good to put in its place",
-                place=path.relative_to(plan.job.output).as_posix(),
+                place=path[len(output) + 1 :],
                 action="Do not deliver it; mend its lines and run again, or delete it.",
             )
 
 
-def require_distinct_companions(plan: Plan) -> None:
+def _files_below(folder: str) -> Iterator[str]:
+    """Paths of the files below a folder; there may be as many as lines."""
+    with os.scandir(folder) as found:
+        for entry in found:
+            if entry.name.startswith("."):
+                continue  # the run's own spool
+            if entry.is_dir(follow_symlinks=False):
+                yield from _files_below(entry.path)
+            elif entry.is_file():
+                yield entry.path
+
+
+def require_distinct_companions(job: Job, targets: Iterable[Target]) -> None:
     """Make sure that no two assets bring different files to one place.
 
     Raises:
@@ -211,7 +340,7 @@ def require_distinct_companions(plan: Plan) -> None:
     """
     brought: dict[str, tuple[str, Path]] = {}
     problems = []
-    for target in plan.targets:
+    for target in targets:
         for name, file in target.format.companions(target.asset).items():
             if not file.is_file():
                 continue
@@ -223,4 +352,4 @@ def require_distinct_companions(plan: Plan) -> None:
                 action = "Deliver one of the two as .glb, or rename its file."
                 problems.append(Problem(f"characters.{target.character}.asset", message, action))
     if problems:
-        raise JobError(str(plan.job.source), problems)
+        raise JobError(str(job.source), problems)

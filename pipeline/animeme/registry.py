@@ -8,7 +8,7 @@ the name that jobs and command lines use.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -32,11 +32,12 @@ GROUPS = (MODELS, FORMATS, ALIGNERS, CHECKS, STAGES, PROFILES, REPORTS)
 
 @dataclass(frozen=True)
 class Plugin:
-    """An entry point and the distribution that brought it."""
+    """An entry point and the distribution that brought it, in its version."""
 
     group: str
     name: str
     distribution: str
+    version: str
     entry_point: EntryPoint
 
     def load(self) -> Any:
@@ -58,6 +59,13 @@ class Plugin:
 
 
 @cache
+def _installed() -> Mapping[str, tuple[EntryPoint, ...]]:
+    """Our groups' entry points: the metadata of all that is installed is read once."""
+    everything = entry_points()
+    return {group: tuple(everything.select(group=group)) for group in GROUPS}
+
+
+@cache
 def plugins(group: str) -> dict[str, Plugin]:
     """All plug-ins of a group by name, sorted.
 
@@ -65,8 +73,9 @@ def plugins(group: str) -> dict[str, Plugin]:
         PluginError: two distributions claim one name.
     """
     found: dict[str, Plugin] = {}
-    for entry in entry_points(group=group):
+    for entry in _installed()[group]:
         distribution = entry.dist.name if entry.dist else ""
+        version = entry.dist.version if entry.dist else ""
         other = found.get(entry.name)
         if other and other.entry_point.value != entry.value:
             raise PluginError(
@@ -76,7 +85,7 @@ def plugins(group: str) -> dict[str, Plugin]:
                 f"the name is also claimed by {other.distribution}",
                 "Uninstall one of the two.",
             )
-        found[entry.name] = Plugin(group, entry.name, distribution, entry)
+        found[entry.name] = Plugin(group, entry.name, distribution, version, entry)
     return dict(sorted(found.items()))
 
 

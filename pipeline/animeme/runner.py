@@ -2,40 +2,50 @@
 
 from __future__ import annotations
 
+import hashlib
+import io
 import resource
-import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from animeme import registry
 from animeme.errors import InputError
-from animeme.executors import Executor
-from animeme.files import sha256, unwritable
+from animeme.executors import Executor, Result
+from animeme.files import unwritable
 from animeme.findings import Finding, RunReport, Severity
 from animeme.job import Job
 from animeme.ledger import Ledger
 from animeme.plan import REPORT_NAMES, Plan
 from animeme.preflight import (
     dialogue_of,
-    load_plugins,
-    load_targets,
     missing_voices,
-    require_distinct_companions,
+    prepare,
     require_distinct_curve_files,
     require_free_outputs,
     stale_outputs,
 )
-from animeme.tasks import RunContext, join_languages, make_line, save_context, write_asset
+from animeme.recall import Recall
+from animeme.recall_assets import AssetRecall
+from animeme.spool import output_folder
+from animeme.store.memory import Memory
+from animeme.tasks import AssetItem, AssetOutcome, LineItem, make_line, save_context
+from animeme.writing import join_languages, write_asset
 
 # A line of minutes takes seconds; a task beyond these is hung.
 LINE_TIMEOUT_S = 600.0
 ASSET_TIMEOUT_S = 1800.0
 RETRIES = 1
+
+
+# A result that is lost while a run uses it is made again; not for ever.
+MOST_ROUNDS = 3
+SAVE_EVERY_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -46,12 +56,14 @@ class Progress:
         stage: "lines" or "assets".
         done, total: lines, or files while assets are written.
         failed: how many lines have failed so far.
+        known: how many of those that are done an earlier run had done.
     """
 
     stage: str
     done: int
     total: int
     failed: int
+    known: int = 0
 
 
 Listener = Callable[[Progress], None]
@@ -60,6 +72,7 @@ Listener = Callable[[Progress], None]
 def run_job(
     job: Job,
     executor: Executor,
+    memory: Memory,
     *,
     fail_on: Severity = Severity.ERROR,
     listener: Listener = lambda _: None,
@@ -67,8 +80,9 @@ def run_job(
     """Run a job.
 
     Args:
-        job: what to do.
+        job: what to do; its files and plug-ins are checked here.
         executor: who does it.
+        memory: of earlier runs.
         fail_on: severity at which the report's exit code turns 1.
         listener: told of progress.
 
@@ -82,28 +96,101 @@ def run_job(
         InputError: the output folder cannot be written.
     """
     wall, cpu = time.perf_counter(), cpu_s(executor)
-    load_plugins(job)
-    lines, strays = dialogue_of(job)
-    targets, findings = load_targets(job)
-    findings += strays
-    plan = Plan(job, lines, tuple(targets))
-    require_distinct_companions(plan)
-    require_distinct_curve_files(plan)
-    require_free_outputs(plan)
-    digests = {target.asset.source: sha256(target.asset.source) for target in targets}
-    findings += missing_voices(job)
-    with _output_folder(job.output) as spool, _log(plan, findings) as ledger:
-        ledger.record("start", job=job.name, lines=len(lines), targets=len(targets))
-        _save_context(plan, spool)
-        _do_lines(ledger, executor, listener, spool)
-        _do_assets(ledger, executor, listener, spool)
-        _join_languages(ledger, executor, spool)
-        ledger.general += [*_changed_sources(digests), *stale_outputs(plan, ledger.fresh())]
+    plan, findings = planned(job, memory)
+    digests = {t.asset.source: memory.digests.of(t.asset.source) for t in plan.targets}
+    with output_folder(job.output) as spool, _log(plan, findings) as ledger:
+        ledger.record("start", job=job.name, lines=len(plan.lines), targets=len(plan.targets))
+        work = _Work(ledger, executor, listener, spool, Recall(memory, job, plan.targets))
+        work.do_lines()
+        work.do_assets()
+        work.join_languages()
+        ledger.general += [
+            *_changed_sources(digests, memory),
+            *stale_outputs(plan, ledger.fresh()),
+        ]
         report = ledger.report(fail_on)
         report = replace(report, wall_s=time.perf_counter() - wall, cpu_s=cpu_s(executor) - cpu)
         report = _write_reports(report, job.output)
-        ledger.record("end", exit_code=report.exit_code, wall_s=report.wall_s, cpu_s=report.cpu_s)
+        ledger.record(
+            "end",
+            exit_code=report.exit_code,
+            wall_s=report.wall_s,
+            cpu_s=report.cpu_s,
+            **asdict(report.effort),
+        )
     return report
+
+
+def run_shard(
+    job: Job,
+    executor: Executor,
+    memory: Memory,
+    shard: Shard,
+    *,
+    fail_on: Severity = Severity.ERROR,
+    listener: Listener = lambda _: None,
+) -> RunReport:
+    """Do a part of a job's lines, for the store alone: nothing is put into the output folder.
+
+    Args:
+        job, executor, memory, fail_on, listener: as of `run_job`.
+        shard: which part.
+
+    Returns:
+        A report of these lines; `run_job` with the same store writes the files.
+
+    Raises:
+        JobError, PluginError, InputError: as of `run_job`.
+    """
+    wall, cpu = time.perf_counter(), cpu_s(executor)
+    plan, findings = planned(job, memory)
+    with tempfile.TemporaryDirectory(prefix="animeme-") as spool:
+        ledger = Ledger(plan, io.StringIO(), general=findings)
+        recall = Recall(memory, job, plan.targets, deliver=False)
+        work = _Work(ledger, executor, listener, Path(spool), recall)
+        work.do_lines(shard)
+        report = ledger.report(fail_on)
+    mine = {item.line.key for item in work.items}
+    return replace(
+        report,
+        lines=tuple(line for line in report.lines if line.line in mine),
+        wall_s=time.perf_counter() - wall,
+        cpu_s=cpu_s(executor) - cpu,
+    )
+
+
+@dataclass(frozen=True)
+class Shard:
+    """One of `count` parts of a job's lines, from 1: the same whatever the machine and order."""
+
+    number: int
+    count: int
+
+    @classmethod
+    def parse(cls, text: str) -> Shard:
+        """The shard called ``I/N``.
+
+        Raises:
+            ValueError: it is no such thing.
+        """
+        number, _, count = text.partition("/")
+        if not (number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count)):
+            raise ValueError(f"a shard is I/N with I from 1 to N, not {text!r}")
+        return cls(int(number), int(count))
+
+    def has(self, line: str) -> bool:
+        """Whether the line with this key belongs to it."""
+        return int(hashlib.sha256(line.encode()).hexdigest(), 16) % self.count == self.number - 1
+
+
+def planned(job: Job, memory: Memory) -> tuple[Plan, list[Finding]]:
+    """What a job has to do, and findings about its assets; see `run_job` for errors."""
+    prepared = prepare(job, memory)
+    lines, strays = dialogue_of(job)
+    plan = Plan(job, lines, prepared.targets)
+    require_distinct_curve_files(plan)
+    require_free_outputs(plan)
+    return plan, [*prepared.findings, *strays, *missing_voices(job)]
 
 
 def _write_reports(report: RunReport, output: Path) -> RunReport:
@@ -116,51 +203,150 @@ def _write_reports(report: RunReport, output: Path) -> RunReport:
     return report
 
 
-def _save_context(plan: Plan, spool: Path) -> None:
-    job = plan.job
-    context = RunContext(
-        plan.targets,
-        job.aligner,
-        job.lexicon,
-        job.voices,
-        job.model,
-        job.model_file,
-        job.curves,
-        job.output,
-        job.speak,
-    )
-    save_context(context, spool)
+@dataclass
+class _Work:
+    """The work of a run, in its order.
+
+    Attributes:
+        ledger: takes in how it ends.
+        executor: does it.
+        listener: is told.
+        spool: the run's spool folder.
+        recall: knows what need not be done.
+        items: the work on lines.
+    """
+
+    ledger: Ledger
+    executor: Executor
+    listener: Listener
+    spool: Path
+    recall: Recall
+    items: list[LineItem] = field(default_factory=list)
+
+    @cached_property
+    def files(self) -> AssetRecall:
+        """Knows which files need not be written."""
+        return AssetRecall(self.recall.memory, self.ledger.plan.job, self.ledger.plan.targets)
+
+    def do_lines(self, shard: Shard | None = None) -> None:
+        """Have curves made for each line, of a shard or of all, but for those that have them."""
+        save_context(self.recall.context, self.spool)
+        lines = self.ledger.plan.spoken_lines()
+        mine = (entry for entry in lines if shard is None or shard.has(entry[1].key))
+        self.items = self.recall.keyed(mine, self.spool)
+        known = self.recall.known(self.items)
+        self.ledger.take_up(known)
+        stale = [item for item in self.items if item.number not in known]
+        self._tell("lines", len(known), len(self.items), len(known))
+        for done, _ in enumerate(self._make(stale), 1):
+            self._tell("lines", len(known) + done, len(self.items), len(known))
+        self.recall.ran()
+
+    def _make(self, items: Sequence[LineItem]) -> Iterator[None]:
+        saved = time.monotonic()
+        for result in self._run(make_line, items, LINE_TIMEOUT_S):
+            item = items[result.index]
+            self.ledger.end_line(item, result)
+            if result.value is not None:
+                self.recall.keep(item, result.value)
+            if time.monotonic() - saved > SAVE_EVERY_S:
+                self.recall.memory.index.save()
+                saved = time.monotonic()
+            yield
+
+    def do_assets(self) -> None:
+        """Have each file written that is not there as it would be."""
+        ledger = self.ledger
+        items = ledger.plan.asset_items(ledger.good, ledger.curves, self.spool)
+        ledger.files += len(items)
+        waiting = []
+        for item in items:
+            outcome = self.files.known(self._key(item), item)
+            if outcome is None:
+                waiting.append(item)
+            else:
+                ledger.take_up_asset(item, outcome)
+        known = len(items) - len(waiting)
+        self._tell("assets", known, len(items), known)
+        for turn in range(1, MOST_ROUNDS + 1):
+            lost: set[int] = set()
+            again: list[AssetItem] = []
+            for result in self._run(write_asset, waiting, ASSET_TIMEOUT_S):
+                item = waiting[result.index]
+                if result.value is not None and result.value.lost and turn < MOST_ROUNDS:
+                    lost.update(result.value.lost)
+                    again.append(item)
+                    continue
+                self._end_asset(item, result)
+                done = len(items) - len(waiting) + result.index + 1
+                self._tell("assets", done, len(items), known)
+            if not again:
+                break
+            waiting = self._mended(again, lost)
+
+    def _end_asset(self, item: AssetItem, result: Result) -> None:
+        outcome: AssetOutcome | None = result.value
+        if outcome is not None and outcome.lost:
+            gone = "its lines' curves vanish from the store as fast as they are put there"
+            result = replace(result, outcome="error", value=None, error=gone)
+        self.ledger.end_asset(item, result)
+        if result.value is not None:
+            self.files.keep(self._key(item), item, result.value)
+
+    def _key(self, item: AssetItem) -> str:
+        curves = self.ledger.curves
+        return self.files.asset_key(item, [curves[line[0]][item.target][1] for line in item.lines])
+
+    def _mended(self, items: Sequence[AssetItem], lost: Collection[int]) -> list[AssetItem]:
+        """The items, after the lines that are lost have been made again."""
+        self.ledger.record("lost", lines=[self.ledger.plan.lines[n].key for n in sorted(lost)])
+        for _ in self._make([item for item in self.items if item.number in lost]):
+            pass
+        again = []
+        for item in items:
+            lines = tuple(
+                (number, name, length_s, self.ledger.curves[number][item.target][0], audio)
+                for number, name, length_s, _, audio in item.lines
+                if item.target in self.ledger.curves.get(number, ())
+            )
+            left = {number for number, *_ in lines}
+            exports = tuple(export for export in item.exports if export[0] in left)
+            again += [replace(item, lines=lines, exports=exports)] if lines else []
+        return again
+
+    def join_languages(self) -> None:
+        """Give each format the chance to join its languages in one file."""
+        items = self.ledger.plan.assembly_items(self.ledger.written, self.spool)
+        keys = [self.files.assembly_key(item) for item in items]
+        self.ledger.files += len(items)
+        waiting = []
+        for key, item in zip(keys, items, strict=True):
+            outcome = self.files.known(key, item)
+            if outcome is None:
+                waiting.append((key, item))
+            else:
+                self.ledger.take_up_assembly(item, outcome)
+        for result in self._run(join_languages, [item for _, item in waiting], ASSET_TIMEOUT_S):
+            key, item = waiting[result.index]
+            self.ledger.end_assembly(item, result)
+            if result.value is not None:
+                self.files.keep(key, item, result.value)
+
+    def _run(
+        self, function: Callable[..., Any], items: Sequence[Any], timeout_s: float
+    ) -> Iterator[Result]:
+        if not items:
+            return iter(())
+        name = name_of(function)
+        return self.executor.run(name, items, timeout_s=timeout_s, retries=RETRIES)
+
+    def _tell(self, stage: str, done: int, total: int, known: int) -> None:
+        self.listener(Progress(stage, done, total, self.ledger.failed, known))
 
 
-def _do_lines(ledger: Ledger, executor: Executor, listener: Listener, spool: Path) -> None:
-    items = ledger.plan.line_items(spool)
-    results = executor.run(name_of(make_line), items, timeout_s=LINE_TIMEOUT_S, retries=RETRIES)
-    for done, result in enumerate(results, 1):
-        ledger.end_line(items[result.index], result)
-        listener(Progress("lines", done, len(items), ledger.failed))
-
-
-def _do_assets(ledger: Ledger, executor: Executor, listener: Listener, spool: Path) -> None:
-    items = ledger.plan.asset_items(ledger.good, spool)
-    results = executor.run(name_of(write_asset), items, timeout_s=ASSET_TIMEOUT_S, retries=RETRIES)
-    for done, result in enumerate(results, 1):
-        ledger.end_asset(items[result.index], result)
-        listener(Progress("assets", done, len(items), ledger.failed))
-
-
-def _join_languages(ledger: Ledger, executor: Executor, spool: Path) -> None:
-    """Give each format the chance to join its languages in one file."""
-    items = ledger.plan.assembly_items(ledger.written, spool)
-    results = executor.run(
-        name_of(join_languages), items, timeout_s=ASSET_TIMEOUT_S, retries=RETRIES
-    )
-    for result in results:
-        ledger.end_assembly(items[result.index], result)
-
-
-def _changed_sources(digests: dict[Path, str]) -> Iterator[Finding]:
+def _changed_sources(digests: dict[Path, str | None], memory: Memory) -> Iterator[Finding]:
     for path, digest in digests.items():
-        if not path.is_file() or sha256(path) != digest:
+        if memory.digests.of(path) != digest:
             yield Finding(
                 Severity.ERROR,
                 "source-changed",
@@ -179,24 +365,6 @@ def cpu_s(executor: Executor) -> float:
     """CPU time of this process, of its ended children and of the executor's living ones."""
     usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(usage.ru_utime + usage.ru_stime for usage in usages) + executor.cpu_s
-
-
-@contextmanager
-def _output_folder(output: Path) -> Iterator[Path]:
-    """Make the output folder; give a spool folder in it, gone afterwards."""
-    made = [folder for folder in (output, *output.parents) if not folder.exists()]
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-        spool = Path(tempfile.mkdtemp(prefix=".animeme-", dir=output))
-    except OSError as error:
-        raise unwritable(output, error) from error
-    try:
-        yield spool
-    finally:
-        shutil.rmtree(spool, ignore_errors=True)
-        for folder in made:  # nothing came of the run: leave no empty folders either
-            if folder.is_dir() and not any(folder.iterdir()):
-                folder.rmdir()
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""From a timed line to the curves of one character: synthesis or hand-made curves, edits, keys.
+"""From a timed line to the curves of one character: a model's or by hand, edits, retargeting, keys.
 
 Everything here is on the animation's time axis: 0 is where the animation starts, `preroll_s` before
 the recording.
@@ -6,7 +6,7 @@ the recording.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 
 from animeme import registry
-from animeme.contracts import Model
 from animeme.curves import CurveSet, reduce_keys
 from animeme.dialogue import Line, has_transcript, transcript_of
 from animeme.documents import suggestion
@@ -84,47 +83,39 @@ class Shaped:
 class LineMotion:
     """The motion of one line, for any number of characters.
 
-    `model` gives the model of the job for None, and one of a character's own for what names it.
+    Attributes:
+        track: the line with the pre-roll before it: what models are given.
     """
 
-    def __init__(
-        self,
-        line: Line,
-        track: PhoneTrack,
-        options: CurveOptions,
-        model: Callable[[Hashable], Model],
-    ) -> None:
+    def __init__(self, line: Line, track: PhoneTrack, options: CurveOptions) -> None:
         self._line = line
         self._options = options
-        self._model = model
-        self._synthesized: dict[Hashable, CurveSet] = {}
         self.track = led(track, options.preroll_s)
 
-    def _synthesis(self, own: Hashable) -> CurveSet:
-        if own not in self._synthesized:
-            made = self._model(own).synthesize(self.track, rate_hz=self._options.rate_hz)
-            self._synthesized[own] = made
-        return self._synthesized[own]
+    def of(
+        self, character: str, asset: Character, rig: BoundRig, synthesized: CurveSet | None
+    ) -> Shaped:
+        """The motion on one asset of a character.
 
-    def remarks(self, own: Hashable = None) -> Iterator[Finding]:
-        """What a model says of the line, if it was asked."""
-        if own in self._synthesized:
-            yield from self._model(own).remarks(self.track)
-
-    def of(self, character: str, asset: Character, rig: BoundRig, own: Hashable = None) -> Shaped:
-        """The motion on one asset of a character, whose own model `own` is, if it has one.
+        Args:
+            character: its name in the job.
+            asset: what is moved.
+            rig: how.
+            synthesized: what the character's model made of `track`; None where the line has curves
+                by hand (see `drawn`).
 
         Raises:
             InputError: curves or edits by hand cannot be used.
         """
         edits, findings = self._edits(character)
         rest = asset.rest_weights()
-        drawn = self._drawn(character)
-        if drawn is None:
-            controls, shapes = self._synthesis(own), None
-        else:
-            controls, shapes, noted = self._read(drawn, asset, rig)
+        if synthesized is None:
+            by_hand = drawn(self._line, character)
+            assert by_hand is not None
+            controls, shapes, noted = self._read(by_hand, asset, rig)
             findings += noted
+        else:
+            controls, shapes = synthesized, None
         lead_s = self._options.preroll_s
         if shapes is None:
             of_controls = Stage("control", {name: name for name in rig.profile.drives}, {})
@@ -156,11 +147,6 @@ class LineMotion:
         if options.offset_s:
             heard = CurveSet(keyed.times_s - options.offset_s, keyed.names, keyed.weights)
         return Shaped(controls, keyed, heard, findings)
-
-    def _drawn(self, character: str) -> Path | None:
-        """The curves drawn by hand: a character's own before those for all."""
-        found = self._line.files_of("curves", character)
-        return found[-1] if found else None
 
     def _edits(self, character: str) -> tuple[tuple[PlacedEdit, ...], list[Finding]]:
         edits: list[PlacedEdit] = []
@@ -251,6 +237,12 @@ class LineMotion:
                 place=str(path),
                 action="Their last key is held; check that both are of the same take.",
             )
+
+
+def drawn(line: Line, character: str) -> Path | None:
+    """A line's curves by hand for a character, its own before those for all; None for a model's."""
+    found = line.files_of("curves", character)
+    return found[-1] if found else None
 
 
 def _beside_shapes(edits: tuple[PlacedEdit, ...]) -> Iterator[Finding]:

@@ -1,41 +1,30 @@
-"""The kinds of work in a run, as functions that any executor can call.
+"""The kinds of work in a run, as functions that any executor can call: the work on lines.
 
-What goes in and out is small: paths, names, findings. Curves travel through files in the run's
-spool folder.
+What goes in and out is small: paths, keys, findings. Curves travel through the store. The work on
+files is in `animeme.writing`.
 """
 
 from __future__ import annotations
 
-import json
 import pickle
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-
-from animeme import registry
-from animeme.contracts import (
-    Alignment,
-    Anchor,
-    AssetSubject,
-    Format,
-    LineAnimation,
-    LineSubject,
-    Model,
-    Speech,
-    Spoken,
-)
-from animeme.curves import CurveSet, drop_still
-from animeme.dialogue import Line, has_transcript, transcript_of, voice_of
+from animeme import registry, steps
+from animeme.contracts import Format, Model
+from animeme.curves import CurveSet
+from animeme.dialogue import Line, voice_of
 from animeme.errors import InputError
-from animeme.files import unwritable, write_text
+from animeme.files import sha256, stamp, unwritable, write_bytes
 from animeme.findings import Finding, Severity
 from animeme.job import ModelChoice
-from animeme.phones import Event
 from animeme.rig import BoundRig, Character
-from animeme.shaping import CurveOptions, LineMotion
+from animeme.shaping import CurveOptions, LineMotion, drawn
+from animeme.store.entries import Entry, Store
+from animeme.store.keys import key_of
 
 
 @dataclass(frozen=True)
@@ -46,14 +35,22 @@ class Target:
         character: the character's name in the job.
         asset: what its format read.
         rig: its bound profile.
+        suffix: of the files that are written from it.
+        assembly_suffix: of the file that joins its languages, "" where there is none.
+        inputs: files besides `asset.source` that it is made of.
         model: the character's own, None for the job's.
+        model_files: files that its model is made of, none for one as shipped.
         layout: how its lines are laid out in files.
     """
 
     character: str
     asset: Character
     rig: BoundRig
+    suffix: str
+    assembly_suffix: str
+    inputs: tuple[Path, ...] = ()
     model: ModelChoice | None = None
+    model_files: tuple[Path, ...] = ()
     layout: str = "per-character"
 
     @property
@@ -75,8 +72,11 @@ class RunContext:
         model: name of the model, or None if there is a file.
         model_file: model document.
         curves: how they are sampled, placed and handed out.
-        output: the run's output folder.
+        output: the run's output folder, None if lines deliver nothing.
         speak: speak transcripts that have no recording.
+        store: folder of the store.
+        prefixes: what all lines' curves on each target depend on: of its model, of its rig.
+        watched: (file that all lines depend on, its stamp when the run began).
     """
 
     targets: tuple[Target, ...]
@@ -86,8 +86,24 @@ class RunContext:
     model: str | None
     model_file: Path | None
     curves: CurveOptions
-    output: Path
+    output: Path | None
     speak: bool
+    store: Path
+    prefixes: tuple[tuple[str, str], ...]
+    watched: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class LineKeys:
+    """What the results of a line are found under.
+
+    Attributes:
+        align: the key of its alignment, "" if one of its files cannot be read.
+        by_hand: (character, what its curves depend on besides that) where files by hand tell.
+    """
+
+    align: str
+    by_hand: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -98,13 +114,26 @@ class LineItem:
         line: the line.
         targets: indices of the context's targets that speak it.
         spool: the run's spool folder; it holds the context.
-        number: of the line, names its files in the spool.
+        number: of the line.
+        keys: of its results.
+        stamps: (file of the line, its stamp when its digest was taken).
     """
 
     line: Line
     targets: tuple[int, ...]
     spool: Path
     number: int
+    keys: LineKeys = LineKeys("")
+    stamps: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class Delivered:
+    """A file that a run wrote: its digest, and its stamp as it was then."""
+
+    path: Path
+    digest: str
+    stamp: str
 
 
 @dataclass(frozen=True)
@@ -116,27 +145,24 @@ class LineOutcome:
         findings: those of the line itself have no character; the others name theirs.
         score: the aligner's confidence, 0 to 1, or None.
         spoken: there is no recording, the line was spoken.
+        alignment: key of its alignment in the store, "" if there is none.
+        curves: target → key and digest of its curves.
+        final: it holds until something that the line was made from changes.
+        effort: (step, CPU seconds, whether its result was in the store).
+        delivered: files that were written.
+        damaged: keys of results in the store that were not what had been put there.
     """
 
     audio_s: float
     findings: tuple[Finding, ...]
     score: float | None = None
     spoken: bool = False
-
-
-@dataclass(frozen=True)
-class Means:
-    """With what a line is aligned.
-
-    Attributes:
-        aligner: name of the aligner.
-        lexicon: pronunciations of the user's, or None.
-        voice: how the speaker sounds, as the aligner learned it, or None.
-    """
-
-    aligner: str
-    lexicon: Path | None = None
-    voice: Path | None = None
+    alignment: str = ""
+    curves: tuple[tuple[int, str, str], ...] = ()
+    final: bool = False
+    effort: tuple[tuple[str, float, bool], ...] = field(default=(), compare=False)
+    delivered: tuple[Delivered, ...] = field(default=(), compare=False)
+    damaged: tuple[str, ...] = field(default=(), compare=False)
 
 
 @dataclass(frozen=True)
@@ -160,6 +186,10 @@ class AlignItem:
     format: str
 
 
+AssetLine = tuple[int, str, float, str, Path]
+"""Number of a line, name of its animation, length in seconds, key of its curves, recording."""
+
+
 @dataclass(frozen=True)
 class AssetItem:
     """Work on one file: curves of its lines into an asset.
@@ -167,15 +197,15 @@ class AssetItem:
     Attributes:
         target: index into the context's targets.
         language: folder name and tag.
-        lines: (number of the line, animation name, length in seconds, recording).
+        lines: what goes into it.
         output: file to write.
         spool: the run's spool folder.
-        exports: (place in `lines`, kind, file) of each curve file to write as well.
+        exports: (number of the line, kind, file) of each curve file to write as well.
     """
 
     target: int
     language: str
-    lines: tuple[tuple[int, str, float, Path], ...]
+    lines: tuple[AssetLine, ...]
     output: Path
     spool: Path
     exports: tuple[tuple[int, str, Path], ...] = ()
@@ -191,6 +221,7 @@ class AssemblyItem:
         output: file to write.
         spool: the run's spool folder.
         package: file to pack it all into, or None.
+        sounds: recordings that a package may hold.
     """
 
     target: int
@@ -198,14 +229,26 @@ class AssemblyItem:
     output: Path
     spool: Path
     package: Path | None
+    sounds: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True)
 class AssetOutcome:
-    """What became of a file: the files written, and what its checks found."""
+    """What became of a file.
+
+    Attributes:
+        outputs: the files written, none where it was refused.
+        findings: what its checks found.
+        lost: numbers of lines whose curves are no longer in the store; nothing was written.
+        delivered: `outputs` with their digests.
+        final: as of `LineOutcome`.
+    """
 
     outputs: tuple[Path, ...]
     findings: tuple[Finding, ...]
+    lost: tuple[int, ...] = ()
+    delivered: tuple[Delivered, ...] = field(default=(), compare=False)
+    final: bool = False
 
 
 def save_context(context: RunContext, spool: Path) -> None:
@@ -218,155 +261,163 @@ def save_context(context: RunContext, spool: Path) -> None:
 
 
 @lru_cache(maxsize=1)
-def _context(spool: Path) -> RunContext:
+def context_of(spool: Path) -> RunContext:
+    """What `save_context` put into a spool folder."""
     # Our own file, in a folder that only this user can write to.
     context: RunContext = pickle.loads((spool / "context.pickle").read_bytes())
     return context
 
 
 def make_line(item: LineItem) -> LineOutcome:
-    """Ingest, align, synthesize and retarget one line; its curves go to the spool."""
-    context = _context(item.spool)
-
-    def animate(alignment: Alignment) -> Iterator[Finding]:
-        yield from _animate(item, context, alignment)
-
-    def save(alignment: Alignment, spoken: Spoken | None) -> None:
-        _save_alignment(context.output, item.line, alignment)
-        if spoken is not None:
-            registry.stage("write-speech")(spoken, speech_path(context.output, item.line))
-
-    return _timed_line(
-        item.line,
-        Means(context.aligner, context.lexicon, voice_of(context.voices, item.line)),
-        animate,
-        save,
-        speak=context.speak,
+    """Ingest, align, synthesize and retarget one line; results go to the store."""
+    context, line, keys = context_of(item.spool), item.line, item.keys
+    if line.findings:
+        return LineOutcome(0.0, steps.for_line(line.findings, line.key))
+    stores = Store(context.store), private_store(item.spool)
+    work = steps.Steps(*stores, lambda: _unchanged(item, context))
+    key, entry = work.align(keys.align, line, context)
+    value, track = entry.value, steps.track_of(entry)
+    tokens = steps.places(line, context)
+    findings = list(steps.unpacked(value["findings"], tokens, line=line.key))
+    curves: tuple[tuple[int, str, str], ...] = ()
+    delivered: tuple[Delivered, ...] = ()
+    try:
+        if track is not None:
+            curves = _animate(item, context, work, entry, findings)
+        good = not any(finding.severity == Severity.ERROR for finding in findings)
+        if good and context.output is not None:
+            delivered = deliver(context.output, line, *steps.delivered_parts(entry))
+    except InputError as error:
+        work.final &= not steps.is_passing(error)
+        findings.append(Finding.from_error(error, line=line.key))
+    return LineOutcome(
+        value["audio_s"],
+        tuple(findings),
+        value["score"],
+        value["spoken"],
+        key if track is not None else "",
+        curves,
+        work.final and bool(keys.align),
+        tuple(work.effort),
+        delivered,
+        tuple(work.store.damaged),
     )
+
+
+def _animate(
+    item: LineItem,
+    context: RunContext,
+    work: steps.Steps,
+    aligned: Entry,
+    findings: list[Finding],
+) -> tuple[tuple[int, str, str], ...]:
+    """(target, key, digest) of the curves of a line that has been aligned."""
+    line, digest = item.line, aligned.value["digest"]
+    track = steps.track_of(aligned)
+    assert track is not None
+    motion = LineMotion(line, track, context.curves)
+    targets = [context.targets[index] for index in item.targets]
+    tokens = steps.places(line, context)
+    findings += steps.for_line(motion.strangers([t.character for t in targets]), line.key)
+    moved: dict[ModelChoice | None, Entry] = {}
+    curves = []
+
+    def said(rows: list[list[Any]], places: Mapping[str, str], character: str) -> None:
+        findings.extend(steps.unpacked(rows, places, line=line.key, character=character))
+
+    for index, target in zip(item.targets, targets, strict=True):
+        own, controls = target.model, None
+        if drawn(line, target.character) is None:
+            if own not in moved:
+                model = partial(_model, item.spool, own)
+                made = synthesize_key(context, item.keys, index, digest)
+                moved[own] = work.controls(made, motion, model, target, context.curves.rate_hz)
+            controls = moved[own]
+            if not controls.payload:
+                said(controls.value["findings"], steps.model_places(target), target.character)
+                continue
+        made = retarget_key(context, item.keys, index, controls, digest)
+        given = partial(_controls, controls)
+        made, shaped = work.shapes(made, motion, given, target, tokens)
+        said(shaped.value["findings"], tokens, target.character)
+        curves += [(index, made, shaped.digest)] if shaped.payload else []
+    # What a character's own model says is a finding of that character.
+    whose = {(t.model, t.character if t.model else ""): t for t in reversed(targets)}
+    for (own, character), target in whose.items():
+        if own in moved and moved[own].payload:
+            said(moved[own].value["findings"], steps.model_places(target), character)
+    return tuple(curves)
+
+
+def _controls(entry: Entry | None) -> CurveSet | None:
+    return None if entry is None else steps.curves_of(entry.payload)[0]
+
+
+def synthesize_key(context: RunContext, keys: LineKeys, target: int, alignment: str) -> str:
+    """The key of the curves of a target's model, given the alignment's digest; "" if none."""
+    parts = (context.prefixes[target][0], alignment)
+    return key_of("synthesize", parts) if keys.align else ""
+
+
+def retarget_key(
+    context: RunContext, keys: LineKeys, target: int, controls: Entry | None, alignment: str
+) -> str:
+    """The key of a target's curves, given those of its model, if they come from one."""
+    by_hand = dict(keys.by_hand).get(context.targets[target].character, "")
+    given = "" if controls is None else controls.digest
+    parts = (context.prefixes[target][1], given, alignment, by_hand)
+    return key_of("retarget", parts) if keys.align else ""
+
+
+def private_store(spool: Path) -> Store:
+    """Where a run keeps what is good for itself alone."""
+    return Store(spool / "store")
+
+
+def _unchanged(item: LineItem, context: RunContext) -> bool:
+    """Whether the line was made from the files that its keys are about."""
+    return all(stamp(path) == known for path, known in (*item.stamps, *context.watched))
+
+
+def deliver(output: Path, line: Line, document: bytes, speech: bytes) -> tuple[Delivered, ...]:
+    """Put a line's alignment, and what was spoken for it, into the output folder."""
+    files = [alignment_file(output, line)] + ([speech_file(output, line)] if speech else [])
+    paths = [Path(file) for file in files]
+    for path, data in zip(paths, (document, speech), strict=False):
+        write_bytes(path, data, durable=False)  # made again if a crash of the machine damages it
+    return delivered(paths)
+
+
+def delivered(paths: list[Path]) -> tuple[Delivered, ...]:
+    """The files as they are now, just written."""
+    return tuple(Delivered(path, sha256(path), stamp(path)) for path in paths)
 
 
 def align_line(item: AlignItem) -> LineOutcome:
     """Ingest and align one line, and write its timings."""
-
-    def save(alignment: Alignment, _: Spoken | None) -> None:
-        if item.output is not None:
-            registry.stage("write-timings")(alignment.track, item.output, item.format)
-
-    means = Means(item.aligner, item.lexicon, voice_of(item.voices, item.line))
-    return _timed_line(item.line, means, lambda _: (), save)
-
-
-def _timed_line(
-    line: Line,
-    means: Means,
-    use: Callable[[Alignment], Iterable[Finding]],
-    save: Callable[[Alignment, Spoken | None], None],
-    *,
-    speak: bool = False,
-) -> LineOutcome:
-    """Ingest and align one line, `use` its alignment, and `save` it if nothing is wrong.
-
-    With `speak`, a line without a recording is spoken.
-    """
-    findings = list(line.findings)
-    if findings:
-        return LineOutcome(0.0, tuple(replace(f, line=line.key) for f in findings))
-    speech: Speech | None = None
-    alignment: Alignment | None = None
-    spoken: Spoken | None = None
-    try:
-        if speak and line.timings is None and not line.audio.exists():
-            spoken = _speak(line)
-            speech, alignment = spoken.speech, spoken.alignment
-        else:
-            speech = registry.stage("read-speech")(line.audio)
-            assert speech is not None
-            alignment = align_speech(
-                speech,
-                _transcript(line),
-                line.timings,
-                language=line.language,
-                means=means,
-            )
-        findings += [*speech.findings, *alignment.findings, *use(alignment)]
-        if not any(finding.severity == Severity.ERROR for finding in findings):
-            save(alignment, spoken)
-    except InputError as error:
-        findings.append(Finding.from_error(error))
-    return LineOutcome(
-        speech.duration_s if speech else 0.0,
-        tuple(replace(f, line=line.key) for f in findings),
-        alignment.score if alignment else None,
-        spoken is not None,
-    )
+    line = item.line
+    if line.findings:
+        return LineOutcome(0.0, steps.for_line(line.findings, line.key))
+    means = steps.Means(item.aligner, item.lexicon, voice_of(item.voices, line))
+    timed = steps.time_line(line, means)
+    findings = list(timed.findings)
+    good = not any(finding.severity == Severity.ERROR for finding in findings)
+    if good and timed.track is not None and item.output is not None:
+        try:
+            registry.stage("write-timings")(timed.track, item.output, item.format)
+        except InputError as error:
+            findings.append(Finding.from_error(error))
+    return LineOutcome(timed.audio_s, steps.for_line(findings, line.key), timed.score)
 
 
-def _transcript(line: Line) -> Callable[[], str] | None:
-    """Reads the line's transcript; None where timings may do without."""
-    if line.timings is not None and not has_transcript(line):
-        return None
-    return partial(transcript_of, line)
+def alignment_file(output: Path, line: Line) -> str:
+    """Where a run puts a line's alignment, as a string: there may be many thousands."""
+    return f"{output}/alignments/{line.key}.json"
 
 
-def align_speech(
-    speech: Speech,
-    text: Callable[[], str] | None,
-    timings: Path | None,
-    *,
-    language: str,
-    means: Means,
-) -> Alignment:
-    """The phones of a recording: as somebody timed them, or as the aligner finds them.
-
-    Args:
-        speech: the recording.
-        text: gives what is said in it; None if only `timings` tell.
-        timings: of phones or words, or None.
-        language: BCP-47 tag.
-        means: how to align.
-
-    Raises:
-        InputError: one of them cannot be used, or they do not fit together.
-    """
-
-    def align(words: str, anchors: Sequence[Anchor] = ()) -> Alignment:
-        return registry.aligner(means.aligner).align(
-            speech,
-            words,
-            language=language,
-            lexicon=means.lexicon,
-            anchors=anchors,
-            voice=means.voice,
-        )
-
-    if timings is None:
-        return align(text() if text else "")
-    alignment: Alignment = registry.stage("read-timings")(
-        timings, speech, language=language, text=text, align=align
-    )
-    return alignment
-
-
-def _speak(line: Line) -> Spoken:
-    """The line as a program speaks it, until there is a recording."""
-    text = transcript_of(line)
-    spoken: Spoken = registry.stage("speak")(text, language=line.language, source=line.transcript)
-    return spoken
-
-
-def alignment_path(output: Path, line: Line) -> Path:
-    """Where a run puts a line's alignment."""
-    return output / "alignments" / f"{line.key}.json"
-
-
-def speech_path(output: Path, line: Line) -> Path:
-    """Where a run puts what it spoke for a line without a recording."""
-    return output / "speech" / f"{line.key}.wav"
-
-
-def _save_alignment(output: Path, line: Line, alignment: Alignment) -> None:
-    document = json.dumps(alignment.track.to_document(), ensure_ascii=False, indent=1)
-    write_text(alignment_path(output, line), document + "\n")
+def speech_file(output: Path, line: Line) -> str:
+    """Where a run puts what it spoke for a line without a recording, as a string too."""
+    return f"{output}/speech/{line.key}.wav"
 
 
 @lru_cache(maxsize=8)
@@ -374,178 +425,5 @@ def _model(spool: Path, own: ModelChoice | None) -> Model:
     # Once per run and process: the next run may find another model in the same file.
     if own is not None:
         return registry.load_model(own.name, file=own.file)
-    context = _context(spool)
+    context = context_of(spool)
     return registry.load_model(context.model, file=context.model_file)
-
-
-def _animate(item: LineItem, context: RunContext, alignment: Alignment) -> Iterator[Finding]:
-    def model(own: Hashable) -> Model:
-        assert own is None or isinstance(own, ModelChoice)
-        return _model(item.spool, own)
-
-    targets = [context.targets[index] for index in item.targets]
-    motion = LineMotion(item.line, alignment.track, context.curves, model)
-    yield from motion.strangers([target.character for target in targets])
-    for index, target in zip(item.targets, targets, strict=True):
-        try:
-            made = motion.of(target.character, target.asset, target.rig, target.model)
-        except InputError as error:
-            yield Finding.from_error(error, character=target.character)
-            continue
-        subject = LineSubject(motion.track, made.controls, target.rig, made.heard)
-        checked = (found for check in registry.checks("line") for found in check.run(subject))
-        for finding in (*made.findings, *checked):
-            yield replace(finding, character=target.character)
-        path = _spooled(item.spool, item.number, index)
-        _save_curves(path, made.shapes, motion.track.events)
-    # What a character's own model says is a finding of that character.
-    for own, character in dict.fromkeys((t.model, t.character if t.model else "") for t in targets):
-        for finding in motion.remarks(own):
-            yield replace(finding, character=character)
-
-
-def _spooled(spool: Path, number: int, target: int) -> Path:
-    return spool / f"{number}-{target}.npz"
-
-
-def _save_curves(path: Path, curves: CurveSet, events: tuple[Event, ...]) -> None:
-    try:
-        np.savez(
-            path,
-            times_s=curves.times_s,
-            names=np.array(curves.names),
-            weights=curves.weights,
-            tags=np.array([event.tag for event in events], str),
-            tag_times_s=np.array([event.time_s for event in events], float),
-        )
-    except OSError as error:
-        raise unwritable(path, error) from error
-
-
-def _load_curves(path: Path) -> tuple[CurveSet, tuple[Event, ...]]:
-    with np.load(path, allow_pickle=False) as data:
-        names = tuple(str(name) for name in data["names"])
-        curves = CurveSet(data["times_s"], names, data["weights"])
-        tags = zip(data["tags"].tolist(), data["tag_times_s"].tolist(), strict=True)
-        return curves, tuple(Event(tag, time_s) for tag, time_s in tags)
-
-
-def _animations(item: AssetItem, target: Target, context: RunContext) -> tuple[LineAnimation, ...]:
-    """What goes into one file."""
-    loaded = [_load_curves(_spooled(item.spool, n, item.target)) for n, *_ in item.lines]
-    curves = [shapes for shapes, _ in loaded]
-    if not target.asset.animations:  # else theirs would show where ours has no curve
-        meshes = [[target.asset.canonical[s] for s in mesh.shapes] for mesh in target.asset.meshes]
-        curves = drop_still(curves, target.asset.rest_weights(), meshes)
-    lead_s = context.curves.preroll_s
-    return tuple(
-        LineAnimation(name, item.language, shapes, length_s, events, lead_s, audio)
-        for (_, name, length_s, audio), shapes, (_, events) in zip(
-            item.lines, curves, loaded, strict=True
-        )
-    )
-
-
-def _exported(
-    item: AssetItem,
-    lines: Sequence[LineAnimation],
-    rig: BoundRig,
-    context: RunContext,
-    findings: list[Finding],
-) -> Iterator[Path]:
-    """Write the curve files; one that cannot be written is a finding of its line."""
-    for place, kind, path in item.exports:
-        line = lines[place]
-        try:
-            noted = registry.stage("write-curves")(
-                line.curves, path, kind, rig=rig, frame_rate=context.curves.frame_rate
-            )
-        except InputError as error:
-            # The line itself is in its asset: what a format has no place for is for review.
-            lost = error.code == "output-unwritable"
-            found = Finding.from_error(error, line=line.name)
-            severity = Severity.ERROR if lost else Severity.WARNING
-            findings.append(replace(found, severity=severity))
-            continue
-        findings += [replace(finding, line=line.name) for finding in noted]
-        yield path
-
-
-class _RejectedError(Exception):
-    """A written file did not pass its checks."""
-
-
-def write_asset(item: AssetItem) -> AssetOutcome:
-    """Write one asset with its lines; it takes its place only if it passes its checks."""
-    context = _context(item.spool)
-    target = context.targets[item.target]
-    form = target.format
-    lines = _animations(item, target, context)
-    findings: list[Finding] = []
-
-    def verify(path: Path) -> None:
-        subject = AssetSubject(target.asset, form, path, lines)
-        for check in registry.checks("asset"):
-            findings.extend(check.run(subject))
-        if any(finding.severity == Severity.ERROR for finding in findings):
-            raise _RejectedError
-
-    def write() -> tuple[Path, ...]:
-        outputs = form.write(target.asset, lines, item.output, verify=verify)
-        return (*outputs, *_exported(item, lines, target.rig, context, findings))
-
-    return _written(
-        write,
-        findings,
-        target.character,
-        item.output,
-    )
-
-
-def join_languages(item: AssemblyItem) -> AssetOutcome:
-    """Write the file that joins one asset's languages, if it does no harm."""
-    target = _context(item.spool).targets[item.target]
-    form = target.format
-    findings: list[Finding] = []
-
-    def verify(path: Path) -> None:
-        findings.extend(
-            Finding(Severity.ERROR, "asset-harmed", problem, action="Please report it.", ours=True)
-            for problem in form.harm(target.asset, path)
-        )
-        if findings:
-            raise _RejectedError
-
-    files = dict(item.files)
-    joined = _written(
-        lambda: form.write_assembly(target.asset, files, item.output, verify=verify),
-        findings,
-        target.character,
-        item.output,
-    )
-    package = item.package
-    if package is None or not joined.outputs:
-        return joined
-    remarks: list[Finding] = []
-
-    def pack() -> tuple[Path, ...]:
-        remarks.extend(registry.stage("package-usdz")(target.asset, item.output, files, package))
-        return (package,)
-
-    packed = _written(pack, remarks, target.character, package)
-    return AssetOutcome(joined.outputs + packed.outputs, joined.findings + packed.findings)
-
-
-def _written(
-    write: Callable[[], tuple[Path, ...]], findings: list[Finding], character: str, output: Path
-) -> AssetOutcome:
-    """Write, and say what came of it."""
-    outputs: tuple[Path, ...] = ()
-    try:
-        outputs = write()
-    except _RejectedError:
-        # The checks saw the file under its temporary name, which is gone.
-        findings = [replace(finding, place=str(output)) for finding in findings]
-    except InputError as error:
-        findings = [*findings, Finding.from_error(error)]
-    return AssetOutcome(outputs, tuple(replace(f, character=character) for f in findings))

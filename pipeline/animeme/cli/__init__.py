@@ -18,6 +18,7 @@ import click
 _COMMANDS = {
     "align": "Find when each phone of a recording, or of a folder of lines, is spoken.",
     "bigrams": "Make, import and check curves for pairs of phones that animators edit.",
+    "cache": "Look after the store of results that runs take up again.",
     "crossmap": "Map tracked lips to a character's controls, as a dataset to train on.",
     "curves": "List the animations of an asset, or write one as a curve file.",
     "doctor": "Say what is installed, and what extras would add.",
@@ -25,6 +26,7 @@ _COMMANDS = {
     "evaluate": "Compare models with captured motion they were not fitted to.",
     "lexicon": "List the words of a dialogue that no dictionary has.",
     "lines": "List the lines of a dialogue, and what they lack.",
+    "merge": "Write the files of a job whose lines were done in shards.",
     "rig": "Say which rig profile fits an asset, or draft one.",
     "run": "Run a job: characters and dialogue in, animated assets out.",
     "schema": "Print the JSON Schema of a document.",

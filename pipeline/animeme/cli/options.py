@@ -36,3 +36,12 @@ timing_format = click.option(
     show_default=True,
     help="textgrid, ctm, phone-ctm, rhubarb-tsv or alignment.",
 )
+cache = click.option(
+    "--cache",
+    type=click.Path(path_type=Path),
+    help="Folder of results that runs share, in place of the job's.",
+)
+no_cache = click.option("--no-cache", is_flag=True, help="Do everything anew, and keep nothing.")
+rehash = click.option(
+    "--rehash", is_flag=True, help="Read every file, whether or not it looks as it did."
+)

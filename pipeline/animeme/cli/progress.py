@@ -8,9 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-from rich.progress import Progress as Bar
 
 from animeme.dataset import Listener as PartListener
 from animeme.runner import Listener, Progress
@@ -25,6 +22,10 @@ def progress(*stages: str) -> Iterator[Listener]:
     if not sys.stderr.isatty():
         yield _PlainLines()
         return
+    from rich.console import Console  # takes its time
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -54,6 +55,10 @@ def parts() -> Iterator[PartListener]:
 
         yield plain
         return
+    from rich.console import Console  # takes its time
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=1.0)

@@ -5,6 +5,7 @@ Settings and their reasons are measured facts, recorded in ``docs/alignment.md``
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -48,6 +49,16 @@ class PocketSphinxAligner:
     def languages(self) -> frozenset[str]:
         """Primary language subtags that it can align."""
         return frozenset(languages())
+
+    def lexicon_part(self, text: str, *, language: str, lexicon: Path) -> str:
+        """The lexicon's entries for the words of `text`; see `animeme.contracts.Aligner`."""
+        settings = language_of(language)
+        entries = _lexicon(lexicon, settings.tag, _version(lexicon)).entries
+        words = sorted({token.text for token in tokens(text, settings)} & entries.keys())
+        found = {
+            word: [[entry.arpabet, *entry.phones] for entry in entries[word]] for word in words
+        }
+        return json.dumps(found, ensure_ascii=False) if found else ""
 
     def align(
         self,

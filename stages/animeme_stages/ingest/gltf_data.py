@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from animeme.curves import CurveSet
 from animeme.errors import InputError
 from animeme.rig import Character
-from animeme_stages.ingest.glb import Container, unreadable
+from animeme_stages.ingest.glb import Container, open_container, unreadable
 from animeme_stages.ingest.gltf_document import mark_of
 
 _FLOAT = 5126
@@ -39,6 +39,15 @@ def local_file(path: Path, uri: str) -> Path:
             action="Put the file beside the asset and use a relative URI.",
         )
     return folder.joinpath(*inner.parts)
+
+
+def external_files(path: Path) -> tuple[Path, ...]:
+    """Files that the asset at `path` names as its buffers and images, whether or not they exist.
+
+    Raises:
+        InputError: it cannot be read, or one of them is not within its folder.
+    """
+    return tuple(local_file(path, uri) for uri in external_uris(open_container(path).json))
 
 
 def _is_within(file: Path, folder: Path) -> bool:

@@ -17,8 +17,18 @@ STATUSES: tuple[LineStatus, ...] = ("ok", "review", "failed")
 def write(report: RunReport, output: Path) -> Path:
     """Write ``report.json`` into the output folder and return its path."""
     path = output / "report.json"
-    write_text(path, json.dumps(document(report), ensure_ascii=False, indent=1) + "\n")
+    content = document(report)
+    rows = {name: content.pop(name) for name in ("findings", "lines", "outputs")}
+    head = json.dumps(content, ensure_ascii=False, indent=1).removesuffix("\n}")
+    write_text(path, f"{head}{''.join(_rows(name, own) for name, own in rows.items())}\n}}\n")
     return path
+
+
+def _rows(name: str, rows: list[Any]) -> str:
+    """A member of the document, one element to a text line: there may be many thousands."""
+    texts = [json.dumps(row, ensure_ascii=False) for row in rows]
+    content = "\n  " + ",\n  ".join(texts) + "\n " if texts else ""
+    return f',\n "{name}": [{content}]'
 
 
 def document(report: RunReport) -> dict[str, Any]:

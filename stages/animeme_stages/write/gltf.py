@@ -20,7 +20,13 @@ from animeme.files import atomic_path
 from animeme.rig import Character
 from animeme_stages.ingest.glb import Container, open_container, unreadable
 from animeme_stages.ingest.gltf import load_gltf
-from animeme_stages.ingest.gltf_data import Buffers, external_uris, local_file, weight_animations
+from animeme_stages.ingest.gltf_data import (
+    Buffers,
+    external_files,
+    external_uris,
+    local_file,
+    weight_animations,
+)
 from animeme_stages.ingest.gltf_document import line_of, mark_of, marked
 from animeme_stages.ingest.gltf_stored import stored
 from animeme_stages.write.glb import checksum_of, restore, write_glb
@@ -68,6 +74,10 @@ class GltfFormat:
         container, _ = _begun(open_container(source))
         files = (local_file(source, uri) for uri in external_uris(container.json))
         return {file.relative_to(source.parent).as_posix(): file for file in files}
+
+    def inputs(self, character: Character) -> tuple[Path, ...]:
+        """Buffers and images in files of their own; see `animeme.contracts.Format`."""
+        return external_files(character.source)
 
     def write(
         self,

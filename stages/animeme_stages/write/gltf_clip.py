@@ -19,7 +19,7 @@ from animeme.files import atomic_path
 from animeme.rig import Character, MeshShapes
 from animeme_stages.ingest.glb import open_container
 from animeme_stages.ingest.gltf import load_gltf
-from animeme_stages.ingest.gltf_data import weight_animations
+from animeme_stages.ingest.gltf_data import external_files, weight_animations
 from animeme_stages.ingest.gltf_document import marked
 from animeme_stages.write.glb import pack_glb
 from animeme_stages.write.gltf_lines import Appended, animated, drives, free_name, node_of
@@ -73,6 +73,10 @@ class AnimationFile(ABC):
     def companions(self, character: Character) -> dict[str, Path]:
         """None: buffers and images stay with the character."""
         return {}
+
+    def inputs(self, character: Character) -> tuple[Path, ...]:
+        """Buffers and images of the character; see `animeme.contracts.Format`."""
+        return external_files(character.source)
 
     def write_assembly(
         self,

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
-from pxr import Sdf, Usd
+from pxr import Ar, Sdf, Usd, UsdUtils
 
 from animeme.contracts import LineAnimation, Verify, unverified
 from animeme.curves import CurveSet
@@ -67,6 +67,18 @@ class UsdFormat:
     def companions(self, character: Character) -> dict[str, Path]:
         """None: a layer refers to its source where it is."""
         return {}
+
+    def inputs(self, character: Character) -> tuple[Path, ...]:
+        """Layers and textures that the source brings with it, those that are missing too."""
+        source = character.source
+        stage = open_stage(source)
+        with usd_errors(source):
+            layers, *assets = UsdUtils.ComputeAllDependencies(str(source))
+        found = {layer.realPath for layer in (*stage.GetUsedLayers(), *layers)}.union(*assets)
+        files = {Path(Ar.SplitPackageRelativePathOuter(path)[0]) for path in found}
+        # No devices: what a texture is called is not looked at when an asset is loaded.
+        kept = (f for f in files if f.is_absolute() and (f.is_file() or not f.exists()))
+        return tuple(sorted(f for f in kept if f != source.resolve()))
 
     def write(
         self,

@@ -1,0 +1,169 @@
+"""What the driver knows of files on this machine, and of results by line: SQLite, on a local disk.
+
+Everything in it can be found out again, so nothing is lost with it: where it cannot be opened, is
+broken or busy, a run goes on without. It is never on a share: it holds inodes and times.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sqlite3
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+# What it holds changes with this number; another one's file is left to other versions.
+_FORMAT = 1
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS files (
+    path TEXT PRIMARY KEY, stamp TEXT NOT NULL, digest TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS notes (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+"""
+_AT_ONCE = 20_000  # fewer than SQLite's limit of variables
+
+
+def user_cache() -> Path:
+    """The user's cache folder: ``$ANIMEME_CACHE``, or the system's place for such things."""
+    if own := os.environ.get("ANIMEME_CACHE"):
+        return Path(own)
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "animeme"
+
+
+def index_path(store: Path) -> Path:
+    """Where this machine keeps its index of a store."""
+    name = hashlib.sha256(os.path.realpath(store).encode("utf-8", "surrogateescape")).hexdigest()
+    return user_cache() / "index" / f"{name[:16]}.{_FORMAT}.sqlite"
+
+
+class Index:
+    """Two tables: files → stamp and digest; notes, key → text. Written when it is closed.
+
+    Args:
+        path: its file; None keeps it in memory.
+        dry: write nothing.
+    """
+
+    def __init__(self, path: Path | None, *, dry: bool = False) -> None:
+        self._dry = dry
+        self._database = _open(path)
+        self._files: dict[str, tuple[str, str]] = {}
+        self._notes: dict[str, str] = {}
+        self._new_files: dict[str, tuple[str, str]] = {}
+        self._new_notes: dict[str, str] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
+    ) -> None:
+        self.save()
+        if self._database is not None:
+            self._database.close()
+
+    def load_files(self, folder: str) -> None:
+        """Have all files below a folder at hand; `file` alone asks for one at a time."""
+        below = (folder.rstrip("/") + "/", folder.rstrip("/") + "0")  # "0" comes after "/"
+        rows = self._rows(
+            "SELECT path, stamp, digest FROM files WHERE path > ? AND path < ?", below
+        )
+        self._files.update((path, (stamp, digest)) for path, stamp, digest in rows)
+
+    def file(self, path: str) -> tuple[str, str] | None:
+        """Stamp and digest of a file at an absolute path, as they were once."""
+        known = self._new_files.get(path) or self._files.get(path)
+        if known is None:
+            for stamp, digest in self._rows(
+                "SELECT stamp, digest FROM files WHERE path = ?", (path,)
+            ):
+                known = self._files[path] = (stamp, digest)
+        return known
+
+    def loaded_file(self, path: str) -> tuple[str, str] | None:
+        """As `file`, but only of what is at hand."""
+        return self._new_files.get(path) or self._files.get(path)
+
+    def set_file(self, path: str, stamp: str, digest: str) -> None:
+        """Remember the digest of a file."""
+        with suppress(UnicodeEncodeError):  # a name that is not UTF-8 is asked for each time
+            path.encode()
+            self._new_files[path] = (stamp, digest)
+
+    def note(self, key: str) -> str | None:
+        """One note."""
+        return self.notes([key]).get(key)
+
+    def notes(self, keys: Iterable[str]) -> dict[str, str]:
+        """Those of the notes that there are."""
+        asked = list(keys)
+        found: dict[str, str] = {}
+        for first in range(0, len(asked), _AT_ONCE):
+            part = asked[first : first + _AT_ONCE]
+            marks = ",".join("?" * len(part))
+            rows = self._rows(f"SELECT key, value FROM notes WHERE key IN ({marks})", part)
+            found.update((key, value) for key, value in rows)
+        found.update((key, self._new_notes[key]) for key in asked if key in self._new_notes)
+        return found
+
+    def set_note(self, key: str, value: str) -> None:
+        """Remember a note."""
+        self._new_notes[key] = value
+
+    def forget(self, keys: Iterable[str]) -> None:
+        """Drop notes that turned out to be wrong."""
+        gone = [(key,) for key in keys]
+        for (key,) in gone:
+            self._new_notes.pop(key, None)
+        self._write("DELETE FROM notes WHERE key = ?", gone)
+
+    def save(self) -> None:
+        """Write what is new."""
+        files = [(path, *known) for path, known in self._new_files.items()]
+        if self._write("INSERT OR REPLACE INTO files VALUES (?, ?, ?)", files):
+            self._files |= self._new_files
+            self._new_files = {}
+        if self._write("INSERT OR REPLACE INTO notes VALUES (?, ?)", [*self._new_notes.items()]):
+            self._new_notes = {}
+
+    def _rows(self, query: str, values: Iterable[str]) -> list[tuple[str, ...]]:
+        try:
+            return self._database.execute(query, tuple(values)).fetchall()
+        except sqlite3.Error:
+            return []
+
+    def _write(self, statement: str, rows: Sequence[tuple[str, ...]]) -> bool:
+        if not rows or self._dry:
+            return True
+        try:
+            with self._database:
+                self._database.executemany(statement, rows)
+        except sqlite3.Error:
+            return False  # full, locked or broken: the next run finds out again
+        return True
+
+
+def _open(path: Path | None) -> sqlite3.Connection:
+    """The database at `path`, or one in memory where that cannot be used."""
+    for _ in range(2 if path is not None else 0):
+        assert path is not None
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            return _prepared(sqlite3.connect(path, timeout=5.0))
+        except (sqlite3.OperationalError, OSError):
+            break  # locked, or no place for it
+        except sqlite3.DatabaseError:  # broken: what it held can be found out again
+            with suppress(OSError):
+                for suffix in ("", "-wal", "-shm"):
+                    path.with_name(path.name + suffix).unlink(missing_ok=True)
+    return _prepared(sqlite3.connect(":memory:"))
+
+
+def _prepared(database: sqlite3.Connection) -> sqlite3.Connection:
+    database.execute("PRAGMA journal_mode = WAL")  # a disk that cannot keeps its own mode
+    database.execute("PRAGMA synchronous = NORMAL")
+    database.executescript(_SCHEMA)
+    return database
