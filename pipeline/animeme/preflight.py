@@ -5,7 +5,8 @@ from __future__ import annotations
 import filecmp
 import os
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -16,6 +17,7 @@ from animeme import documents, registry
 from animeme.contracts import Model
 from animeme.dialogue import Line
 from animeme.errors import InputError, JobError, Problem
+from animeme.executors import Executor
 from animeme.findings import Finding, Severity
 from animeme.gathering import gather
 from animeme.job import Job, check_job
@@ -24,6 +26,9 @@ from animeme.side_cars import with_side_cars
 from animeme.store.keys import key_of
 from animeme.store.memory import Memory
 from animeme.tasks import Target
+
+# Assets of hundreds of megabytes open in seconds.
+OPENING_TIMEOUT_S = 300.0
 
 
 @dataclass(frozen=True)
@@ -41,8 +46,14 @@ class Prepared:
     inputs: dict[str, str]
 
 
-def prepare(job: Job, memory: Memory) -> Prepared:
+def prepare(job: Job, memory: Memory, executor: Executor | None = None) -> Prepared:
     """Check a job's values, plug-ins and assets, unless that has been done for what they are now.
+
+    Args:
+        job: the job.
+        memory: of what is known of files.
+        executor: opens each asset before this process does: native code that a damaged file takes
+            down takes down a worker.
 
     Raises:
         JobError: everything that is wrong with the job, or no asset could be driven, or two assets
@@ -58,7 +69,7 @@ def prepare(job: Job, memory: Memory) -> Prepared:
     with documents.reading() as files:
         check_job(job)
         load_plugins(job)
-        targets, findings = load_targets(job)
+        targets, findings = load_targets(job, _deadly(job, executor))
     require_distinct_companions(job, targets)
     files += [path for target in targets for path in (target.asset.source, *target.inputs)]
     digests = {str(path): memory.digests.of(path) for path in files}
@@ -148,8 +159,40 @@ def _nothing(job: Job, findings: Iterable[Finding]) -> list[Problem]:
     return [Problem("dialogue.root", message, action)]
 
 
-def load_targets(job: Job) -> tuple[list[Target], list[Finding]]:
+def _deadly(job: Job, executor: Executor | None) -> dict[Path, InputError]:
+    """Assets whose reading ends or stops a process, as its workers found."""
+    if executor is None:
+        return {}
+    files = {path: c.asset_root for c in job.characters for path in c.assets}
+    results = executor.run(
+        "animeme.preflight:try_asset", list(files.items()), timeout_s=OPENING_TIMEOUT_S, retries=0
+    )
+    paths = list(files)
+    return {
+        paths[result.index]: InputError(
+            "asset-unreadable",
+            f"its reader {'hung' if result.outcome == 'timeout' else 'crashed'} over it",
+            place=str(paths[result.index]),
+            action="It is damaged: export or copy it again.",
+        )
+        for result in results
+        if result.outcome in ("crash", "timeout")
+    }
+
+
+def try_asset(item: tuple[Path, Path | None]) -> None:
+    """Open an asset as `load_targets` does, for whether that can be survived."""
+    path, within = item
+    with suppress(InputError):
+        registry.format_of(path).load(path, within=within)
+
+
+def load_targets(job: Job, deadly: Mapping[Path, InputError]) -> tuple[list[Target], list[Finding]]:
     """Assets that can be driven, and findings about those that cannot or lack something.
+
+    Args:
+        job: the job.
+        deadly: assets that must not be opened, and why.
 
     Raises:
         JobError: none can.
@@ -162,6 +205,8 @@ def load_targets(job: Job) -> tuple[list[Target], list[Finding]]:
         files = model_files if own is None else _loaded(own.name, own.file)[1]
         for path in character.assets:
             try:
+                if path in deadly:
+                    raise deadly[path]
                 form = registry.format_of(path)
                 asset = form.load(path, within=character.asset_root)
                 rig = registry.stage("bind-rig")(

@@ -96,7 +96,7 @@ def run_job(
         InputError: the output folder cannot be written.
     """
     wall, cpu = time.perf_counter(), cpu_s(executor)
-    plan, findings = planned(job, memory)
+    plan, findings = planned(job, memory, executor)
     digests = {t.asset.source: memory.digests.of(t.asset.source) for t in plan.targets}
     with output_folder(job.output) as spool, _log(plan, findings) as ledger:
         ledger.record("start", job=job.name, lines=len(plan.lines), targets=len(plan.targets))
@@ -143,7 +143,7 @@ def run_shard(
         JobError, PluginError, InputError: as of `run_job`.
     """
     wall, cpu = time.perf_counter(), cpu_s(executor)
-    plan, findings = planned(job, memory)
+    plan, findings = planned(job, memory, executor)
     with tempfile.TemporaryDirectory(prefix="animeme-") as spool:
         ledger = Ledger(plan, io.StringIO(), general=findings)
         recall = Recall(memory, job, plan.targets, deliver=False)
@@ -183,9 +183,14 @@ class Shard:
         return int(hashlib.sha256(line.encode()).hexdigest(), 16) % self.count == self.number - 1
 
 
-def planned(job: Job, memory: Memory) -> tuple[Plan, list[Finding]]:
-    """What a job has to do, and findings about its assets; see `run_job` for errors."""
-    prepared = prepare(job, memory)
+def planned(
+    job: Job, memory: Memory, executor: Executor | None = None
+) -> tuple[Plan, list[Finding]]:
+    """What a job has to do, and findings about its assets; see `run_job` for errors.
+
+    With an `executor`, assets that nobody has looked at are first opened by its workers.
+    """
+    prepared = prepare(job, memory, executor)
     lines, strays = dialogue_of(job)
     plan = Plan(job, lines, prepared.targets)
     require_distinct_curve_files(plan)

@@ -1,8 +1,9 @@
 """Damaged USD files by the thousand, in a process of their own: native code may take it down.
 
-``python -m support.usd_fuzz KIND SEED COUNT FOLDER`` loads and writes COUNT mutations of a small
-character, and prints how they ended. It ends with an error at the first that is neither written
-nor refused, takes more than 5 s of CPU time, or leaves a file behind although it was refused.
+``python -m support.usd_fuzz KIND SEED COUNT FOLDER FIRST`` loads and writes COUNT mutations of a
+small character, from the one numbered FIRST on, and prints how they ended. It ends with an error at
+the first that is neither written nor refused, takes more than 5 s of CPU time, or leaves a file
+behind although it was refused.
 """
 
 from __future__ import annotations
@@ -107,19 +108,21 @@ def attempt(file: Path, target: Path) -> str:
 
 
 def main() -> None:
-    kind, seed, count, name = sys.argv[1:]
+    kind, seed, count, name, first = sys.argv[1:]
     folder = Path(name)
     resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     faulthandler.register(signal.SIGPROF, all_threads=False, chain=True)
     old = {0.0: [0.0, 0.5], 5.0: [1.0, 0.5]}
     data = hero(folder / f"sound.{kind}", old=["browUp", "jawOpen"], weights=old).read_bytes()
-    (folder / "out").mkdir()
+    (folder / "out").mkdir(exist_ok=True)
     ends: Counter[str] = Counter()
     rng = random.Random(int(seed))
     for number in range(int(count)):
         file = folder / f"fuzz{number}.{kind}"  # USD may still hold the one before
         mutated = mutated_bytes(data, rng) if kind == "usdc" else mutated_text(data.decode(), rng)
+        if number < int(first):
+            continue
         file.write_bytes(mutated)
         print(f"case {number}", file=sys.stderr, flush=True)
         faulthandler.dump_traceback_later(PATIENCE_S, exit=True)
