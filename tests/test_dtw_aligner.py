@@ -49,7 +49,7 @@ def dtw(site: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Aligner]:
     """The aligner, found by its entry point."""
     monkeypatch.syspath_prepend(site)
     assert "animeme-dtw-aligner" in {found.name for found in distributions(path=[str(site)])}
-    caches = (registry.plugins, registry.aligner)
+    caches = (registry._installed, registry.plugins, registry.aligner)
     for cached in caches:
         cached.cache_clear()
     yield registry.aligner("dtw")
