@@ -356,6 +356,7 @@ def test_command(
     assert "no such file" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_real_lips_on_a_real_head(shared: Path, tmp_path: Path) -> None:
     whole = np.load(shared / "data" / "grid-s1" / "landmarks.npz")
     part = {n: whole[n][:8] if n in ("landmarks_px", "clip_ids") else whole[n] for n in whole.files}

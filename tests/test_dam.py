@@ -32,6 +32,7 @@ def model() -> Dam:
     return Dam.configured(QUICK).fit(captured(lines=30))
 
 
+@pytest.mark.slow
 def test_trees_beat_one_mode_where_context_matters() -> None:
     """Held-out error: context modes < one mode < one mode of degree 0."""
     data, other = captured(lines=80), captured(lines=15, first=900)
@@ -62,6 +63,7 @@ def test_the_frozen_document_still_moves_as_it_did() -> None:
     assert loaded.to_document() == entry["document"]
 
 
+@pytest.mark.slow
 def test_fitting_does_not_depend_on_the_hash_seed(tmp_path: Path) -> None:
     script = (
         "import sys; from support.motion import captured;"

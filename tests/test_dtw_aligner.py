@@ -94,6 +94,7 @@ def test_known_times_are_kept(dtw: Aligner) -> None:
     assert held[3].start_s > free[3].start_s + 0.15
 
 
+@pytest.mark.slow
 def test_the_command_and_a_job_use_it(site: Path, tmp_path: Path) -> None:
     job = small_job(tmp_path, "en/boat")
     job.sections["align"] = {"aligner": "dtw"}

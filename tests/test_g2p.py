@@ -53,6 +53,7 @@ def rates(
     )
 
 
+@pytest.mark.slow
 def test_words_that_were_never_seen_are_mostly_right() -> None:
     known = english_words().known
     learned = {word: phones for word, phones in known.items() if not is_held_out(word)}
@@ -81,6 +82,7 @@ def test_training_twice_gives_the_same() -> None:
         assert first.guess(word)
 
 
+@pytest.mark.slow
 def test_another_process_says_the_same() -> None:
     words = ["zorblax", "glimmerfen", "xenomorphs", "kubernetes"]
     code = (
