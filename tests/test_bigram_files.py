@@ -28,6 +28,7 @@ def write(path: Path, **members: Any) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_shipped_sets_have_every_pair() -> None:
     assert set(shipped_names()) >= {"facefx", "facefx-poses", "mandarin", "viseme-poses"}
     english, mandarin = shipped_set("facefx").set_, shipped_set("mandarin").set_
@@ -100,6 +101,7 @@ def test_broken_sets_are_refused(tmp_path: Path, members: dict[str, Any], said: 
     assert said in str(caught.value)
 
 
+@pytest.mark.slow
 def test_characters_of_a_job_have_sets_of_their_own(job: SmallJob, capsys: Capture) -> None:
     """Two characters, one line: each moves by its own set, and what is missing is said of it."""
     still = {"l|ow": {"curves": {"open": [[0, 0], [1, 0]]}}}

@@ -70,6 +70,7 @@ def damaged_round(job: SmallJob, seed: int) -> None:
     killed(job, chance.randrange(len(LINES) + 1), victim)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("victim", ["driver", "Ctrl-C"])
 def test_the_run_after_one_that_was_killed_goes_on(
     victim: str, tmp_path: Path, cache: Path

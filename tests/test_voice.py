@@ -65,6 +65,7 @@ def test_its_own_lines_are_surer(voices: Path) -> None:
         assert own.score > 0.5
 
 
+@pytest.mark.slow
 def test_same_lines_same_bytes_whatever_the_workers(voices: Path, tmp_path: Path) -> None:
     fill(tmp_path / "dialogue" / "en", "en", 2)
     for name, chosen in (("inline", "inline"), ("local", "local")):
@@ -210,6 +211,7 @@ def test_a_job_uses_its_voices(tmp_path: Path, capsys: Capture) -> None:
         assert "voice-unusable" in {finding["code"] for finding in job.findings(line)}
 
 
+@pytest.mark.slow
 def test_a_job_says_where_its_voices_are(tmp_path: Path, capsys: Capture) -> None:
     job = small_job(tmp_path / "job")
     fill(job.dialogue / "en" / "crab", "en", 2)
