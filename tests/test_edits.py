@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from animeme.curves import CurveSet
+from animeme.documents.edits import EditsDocument
 from animeme.edits import PlacedEdit, Stage, apply_edits, placed, read_edits, text_changed
-from animeme.edits_document import EditsDocument
 from animeme.errors import InputError
 from animeme.findings import Finding
 from animeme.phones import Phone, PhoneTrack, Word

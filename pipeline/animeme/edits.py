@@ -14,7 +14,7 @@ import numpy as np
 
 from animeme import documents
 from animeme.curves import CurveSet, Floats
-from animeme.edits_document import Edit, EditsDocument, MuteEdit, OffsetEdit, ReplaceEdit
+from animeme.documents.edits import Edit, EditsDocument, MuteEdit, OffsetEdit, ReplaceEdit
 from animeme.findings import Finding, Severity
 from animeme.moments import Range, StaleError, resolve
 from animeme.phones import PhoneTrack

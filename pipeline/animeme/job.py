@@ -11,13 +11,12 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from animeme import registry
-from animeme.documents import (
+from animeme.documents import problems_of, suggestion
+from animeme.documents.job import (
     CurvesSection,
     DialogueSection,
     JobDocument,
     ModelSection,
-    problems_of,
-    suggestion,
 )
 from animeme.errors import InputError, JobError, PluginError, Problem
 from animeme.gathering import DialogueSource

@@ -6,7 +6,7 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from animeme.edits_document import AnyEdit, Moment, ReplaceEdit, WordMoment
+from animeme.documents.edits import AnyEdit, Moment, ReplaceEdit, WordMoment
 from animeme.phones import SILENCE, Phone, PhoneTrack, Word
 
 # Words and phones come from one alignment; rounding may part their ends by less than this.

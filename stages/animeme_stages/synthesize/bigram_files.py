@@ -15,6 +15,7 @@ import numpy as np
 from animeme import documents
 from animeme.curves import Floats
 from animeme.documents import suggestion
+from animeme.documents.bigrams import BigramsDocument
 from animeme.errors import InputError
 from animeme.phones import SILENCE, plain_ipa
 from animeme_stages.synthesize.bigram_set import COMMON, PAUSE, BigramSet, polygon
@@ -38,7 +39,7 @@ class DrawnSet:
     Attributes:
         set_: the polygons, over poses.
         poses: pose → control → weight; a pose without an entry drives the control of its name.
-        window_s, speed, hold_s: see `animeme.documents.BigramsDocument`.
+        window_s, speed, hold_s: see `BigramsDocument`.
         credits: source and licence of every set that it is made of.
         owners: pair → the file or shipped name that it is from.
         name: for people.
@@ -144,7 +145,7 @@ def drawn_from_json(entry: Mapping[str, Any]) -> DrawnSet:
         ValueError: it makes no sense.
     """
     try:
-        document = documents.BigramsDocument.model_validate(entry)
+        document = BigramsDocument.model_validate(entry)
     except ValueError as error:
         raise ValueError(f"its bigrams make no sense: {error.args or error}") from error
     return _merged([("", document.model_dump(mode="json", by_alias=True))])

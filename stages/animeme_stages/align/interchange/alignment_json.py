@@ -6,7 +6,7 @@ import json
 
 from pydantic import ValidationError
 
-from animeme.documents import AlignmentDocument
+from animeme.documents.lines import AlignmentDocument
 from animeme.phones import PhoneTrack
 from animeme_stages.align.interchange.source import Source
 from animeme_stages.align.interchange.timings import DamagedError, Span, Timings

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
-from animeme.document_base import Document, Number, Seconds
+from animeme.documents.base import Document, Number, Seconds
 
 
 class WordMoment(Document):
