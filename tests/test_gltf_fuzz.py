@@ -17,7 +17,7 @@ from animeme.errors import InputError
 from support.gltf_build import BIN_KIND, TRIANGLE, Json, add_weights_animation, face, glb, mesh
 from support.gltf_kit import FORMAT, line, saved, speech
 
-QUICK, THOROUGH = 300, 12_000
+QUICK, THOROUGH = 150, 12_000
 # A hang, on a machine that does much else besides. The issue allows 5 s.
 PATIENCE_S = 5.0
 NASTY: tuple[Any, ...] = (
