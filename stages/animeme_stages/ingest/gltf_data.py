@@ -20,7 +20,8 @@ from animeme_stages.ingest.glb import Container, open_container, unreadable
 from animeme_stages.ingest.gltf_document import mark_of
 
 _FLOAT = 5126
-_WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_DTYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", _FLOAT: "<f4"}
 
 
 def local_file(path: Path, uri: str) -> Path:
@@ -113,6 +114,58 @@ class Buffers:
         if size < 0 or start + size > len(data):
             raise unreadable(self.container.path, f"accessor {index} leaves its buffer")
         return np.frombuffer(data, np.float32, size // 4, start).reshape(-1, width)
+
+    def values(self, index: int) -> NDArray[Any]:
+        """Any accessor, shape (count, components): strided, sparse, normalised integers as floats.
+
+        Raises:
+            InputError: it leaves its buffer.
+        """
+        root = self.container.json
+        accessor = root["accessors"][index]
+        dtype, width = np.dtype(_DTYPES[accessor["componentType"]]), _WIDTH[accessor["type"]]
+        count = accessor["count"]
+        start = accessor.get("byteOffset", 0)
+        if "bufferView" in accessor:
+            found = self._rows(index, accessor["bufferView"], start, dtype, width, count)
+        else:
+            found = np.zeros((count, width), dtype)
+        if "sparse" in accessor:
+            sparse = accessor["sparse"]
+            at, new = sparse["indices"], sparse["values"]
+            kind = np.dtype(_DTYPES[at["componentType"]])
+            some = sparse["count"]
+            rows = self._rows(index, at["bufferView"], at.get("byteOffset", 0), kind, 1, some)
+            found[rows[:, 0]] = self._rows(
+                index, new["bufferView"], new.get("byteOffset", 0), dtype, width, some
+            )
+        if accessor.get("normalized") and dtype.kind in "iu":
+            return np.maximum(found.astype(np.float32) / np.iinfo(dtype).max, np.float32(-1.0))
+        return found
+
+    def view(self, index: int) -> memoryview:
+        """The bytes of a buffer view.
+
+        Raises:
+            InputError: it leaves its buffer.
+        """
+        view = self.container.json["bufferViews"][index]
+        data, start = self._buffer(view["buffer"]), view.get("byteOffset", 0)
+        if start < 0 or start + view["byteLength"] > len(data):
+            raise unreadable(self.container.path, f"buffer view {index} leaves its buffer")
+        return data[start : start + view["byteLength"]]
+
+    def _rows(
+        self, index: int, view: int, offset: int, dtype: np.dtype[Any], width: int, count: int
+    ) -> NDArray[Any]:
+        """Rows of an accessor, or of its sparse part, from a buffer view; a copy."""
+        data = self.view(view)
+        row = dtype.itemsize * width
+        stride = self.container.json["bufferViews"][view].get("byteStride") or row
+        if count < 0 or offset < 0 or (count and offset + (count - 1) * stride + row > len(data)):
+            raise unreadable(self.container.path, f"accessor {index} leaves its buffer")
+        laid = np.ndarray((count, width), dtype, data, offset, (stride, dtype.itemsize))
+        return laid.copy()
 
     def _buffer(self, index: int) -> memoryview:
         if index not in self._loaded:
