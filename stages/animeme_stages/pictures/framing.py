@@ -22,16 +22,24 @@ _BELOW = 0.14
 # A view from elsewhere than +Z must show so much more of what moves.
 _CLEARLY = 1.3
 _LOOK_PX = 96
+# Weights that vary by less do not move anything.
+_STILL = 1e-4
+# Height of the picture, where all of what speaks is shown, by its own.
+_MARGIN = 1.15
 # A little from the side, so that lips can be seen to protrude.
 SIDE_DEG = 12.0
 
 
 @dataclass(frozen=True, eq=False)
 class _Moving:
-    """Drawn meshes, and how far each vertex moves: (V, 3), (V,)."""
+    """Drawn meshes, how far each vertex moves, and where those get to that move much.
+
+    (V, 3), (V,) and (R, 3).
+    """
 
     points: Floats
     amount: Floats
+    reached: Floats
     meshes: tuple[SceneMesh, ...]
     owner: Indices
 
@@ -49,26 +57,32 @@ def face_camera(
     """
     moving = _moving(scene, ranges)
     much = moving.amount >= _MUCH * moving.amount.max()
-    front_deg = _front(moving, much)
-    axes = Camera((0.0, 0.0, 0.0), 1.0, 1.0, front_deg).axes()
-    seen = moving.points @ axes.T
-    low, high = (np.percentile(seen[much], q, axis=0) for q in (2, 98))
-    size = float(max(high[0] - low[0], high[1] - low[1], 1e-6))
-    # The mesh that speaks, where it is a head; else a piece of the body around its mouth.
+    yaw_deg = _front(moving, much) + side_deg
+    axes = Camera((0.0, 0.0, 0.0), 1.0, 1.0, yaw_deg).axes()
+    seen, reached = moving.points @ axes.T, moving.reached @ axes.T
+    region = np.concatenate([seen[much], reached])
+    low, high = (np.percentile(region, q, axis=0) for q in (2, 98))
+    size = float(max(high[0] - low[0], high[1] - low[1], 1e-9))
+    # The meshes that speak, where they are no more than a head; else a part of the body.
     speaking = np.isin(moving.owner, np.unique(moving.owner[much]))
-    head_low, head_high = seen[speaking].min(0), seen[speaking].max(0)
-    tall = float(head_high[1] - head_low[1])
+    whole = np.concatenate([seen[speaking], reached])
+    head_low, head_high = whole.min(0), whole.max(0)
+    wide, tall = (head_high - head_low)[:2].tolist()
     height = _FACE * size
     if tall < height:
-        height, bottom = 1.12 * tall, head_low[1] - 0.06 * tall
+        height = _MARGIN * max(tall, wide / aspect, 1e-9)
+        across, up = (head_low[:2] + head_high[:2]) / 2
     else:
-        bottom = low[1] - _BELOW * height
-        # Nothing above the head: look lower.
-        bottom = max(min(bottom, head_high[1] + 0.06 * height - height), head_low[1] - 0.3 * height)
-    height = max(height, 1.25 * float(high[0] - low[0]) / aspect)
-    middle = np.array([(low[0] + high[0]) / 2, bottom + height / 2, high[2] - 1.0 * size])
-    x, y, z = (middle @ axes).tolist()
-    return Camera((x, y, z), height, size / _MOUTHS, front_deg + side_deg)
+        height = max(height, 1.25 * float(high[0] - low[0]) / aspect)
+        # Nothing above the head, but the mouth stays in sight.
+        top = min(low[1] - _BELOW * height + height, head_high[1] + 0.06 * height)
+        up = min(max(top, high[1] + 0.1 * height) - height / 2, low[1] + 0.4 * height)
+        # Seen from the side, the head's middle is beside the mouth's.
+        across = (low[0] + high[0]) / 2
+        if wide < height * aspect * 1.5:
+            across = (across + (head_low[0] + head_high[0]) / 2) / 2
+    x, y, z = (np.array([across, up, high[2] - 0.5 * size]) @ axes).tolist()
+    return Camera((x, y, z), height, size / _MOUTHS, yaw_deg)
 
 
 def ranges_of(names: Iterable[str], weights: Floats) -> dict[str, float]:
@@ -89,20 +103,27 @@ def _moving(scene: Scene, ranges: Mapping[str, float]) -> _Moving:
     meshes = tuple(mesh for mesh in scene.meshes if mesh.primitives)
     amounts = [_amount(mesh, ranges) for mesh in meshes]
     if not max(amount.max(initial=0.0) for amount in amounts) > 0:
-        amounts = [_amount(mesh, dict.fromkeys(mesh.targets, 1.0)) for mesh in meshes]
+        ranges = {name: 1.0 for mesh in meshes for name in mesh.targets}
+        amounts = [_amount(mesh, ranges) for mesh in meshes]
     if not max(amount.max(initial=0.0) for amount in amounts) > 0:
         amounts = [np.ones(len(mesh.points)) for mesh in meshes]
-    drawn = []
+    most = max(float(amount.max(initial=0.0)) for amount in amounts)
+    drawn, reached = [], [np.zeros((0, 3))]
     for mesh, amount in zip(meshes, amounts, strict=True):
         used = np.zeros(len(mesh.points), dtype=bool)
         for primitive in mesh.primitives:
             used[primitive.triangles] = True
         # Only what is drawn: exporters leave vertices behind.
         drawn.append((mesh.deformed({})[used], amount[used]))
+        much = used & (amount >= _MUCH * most)
+        for name, target in mesh.targets.items():
+            if much.any() and ranges.get(name, 0.0) > _STILL:
+                reached.append(mesh.deformed({})[much] + ranges[name] * target.offsets[-1][much])
     owner = np.repeat(np.arange(len(meshes)), [len(points) for points, _ in drawn])
     return _Moving(
         np.concatenate([points for points, _ in drawn]),
         np.concatenate([amount for _, amount in drawn]),
+        np.concatenate(reached),
         meshes,
         owner,
     )
@@ -111,7 +132,7 @@ def _moving(scene: Scene, ranges: Mapping[str, float]) -> _Moving:
 def _amount(mesh: SceneMesh, ranges: Mapping[str, float]) -> Floats:
     total = np.zeros(len(mesh.points))
     for name, target in mesh.targets.items():
-        if ranges.get(name, 0.0) > 1e-4:
+        if ranges.get(name, 0.0) > _STILL:
             total += ranges[name] * np.linalg.norm(target.offsets[-1], axis=1)
     return total
 
@@ -125,10 +146,16 @@ def _front(moving: _Moving, much: Floats) -> float:
         for mesh, start in zip(moving.meshes, starts, strict=False)
         for primitive in mesh.primitives
     ])  # fmt: skip
+    double_sided = np.concatenate([
+        np.full(len(primitive.triangles), primitive.material.double_sided)
+        for mesh in moving.meshes
+        for primitive in mesh.primitives
+    ])  # fmt: skip
     amount = np.zeros(len(points), np.float32)
     used = np.unique(triangles)
     amount[used] = moving.amount
-    low, high = moving.points[much].min(0), moving.points[much].max(0)
+    near = np.concatenate([moving.points[much], moving.reached])
+    low, high = near.min(0), near.max(0)
     extent = 1.5 * float(max((high - low).max(), 1e-9))
     found: list[float] = []
     turns = (0.0, 180.0, 90.0, -90.0)
@@ -138,9 +165,8 @@ def _front(moving: _Moving, much: Floats) -> float:
         screen = (view[:, :2] * [1, -1] / extent + 0.5) * _LOOK_PX
         reach = max(float(np.abs(view[:, 2]).max()), 1e-9) * 1.01
         canvas = Canvas(_LOOK_PX, _LOOK_PX)
-        canvas.fill(
-            on_screen(screen, 2.0 - view[:, 2] / reach, triangles), np.arange(len(triangles))
-        )
+        corners = on_screen(screen, 2.0 - view[:, 2] / reach, triangles)
+        canvas.fill(corners, np.flatnonzero((corners.area < 0) | double_sided))
         _, shown = canvas.pixels()
         of_triangle: Singles = amount[triangles].mean(1)
         found.append(float(of_triangle[shown].sum()))

@@ -160,7 +160,8 @@ class Motion:
                     columns.append((name, target, rest))
                     rows.append(np.zeros((len(target.weights), len(self.moving), 3), np.float32))
                 rows[same[0]][:, at] = target.offsets[:, own[at]]
-        return columns, np.concatenate(rows).reshape(-1, len(self.moving) * 3)
+        table = np.concatenate(rows)
+        return columns, table.reshape(len(table), len(self.moving) * 3)
 
     def points(self, weights: Mapping[str, float]) -> Floats:
         """Vertices (V, 3) under canonical shape weights."""
@@ -172,7 +173,7 @@ class Motion:
             then = target.factors(self._base.get(name, rest))
             factors += [a - b for a, b in zip(now, then, strict=True)]
         points = self.still.copy()
-        points[self.moving] += (np.array(factors, np.float32) @ self._table).reshape(-1, 3)
+        points[self.moving] += np.reshape(np.array(factors, np.float32) @ self._table, (-1, 3))
         return points
 
     def normals(self, points: Floats) -> Singles:

@@ -8,6 +8,7 @@ from typing import Any
 from animeme import registry
 from animeme.curves import CurveSet
 from animeme.deliveries import seen, tracks_of
+from animeme.delivery import StoredTrack
 from animeme.documents import suggestion
 from animeme.errors import InputError
 from animeme.rig import Character
@@ -44,7 +45,8 @@ def read_played(character: Character, animation: str) -> Played:
     Raises:
         InputError: ``picture-animation-unknown``; ``picture-animation-broken``.
     """
-    tracks = tracks_of(registry.format_named(character.format), character)
+    form = registry.format_named(character.format)
+    tracks = tracks_of(form, character)
     own = [track for track in tracks if track.animation == animation]
     place = str(character.source)
     if not own:
@@ -58,6 +60,9 @@ def read_played(character: Character, animation: str) -> Played:
         action = suggestion(animation, names) if names else "Run the job first: animeme run."
         raise InputError("picture-animation-unknown", problem, place=place, action=action)
     sound = [track for track in own if track.sound]
+    # Rows of somebody else's that do not fit are left out when a line is read, as players do.
+    if not sound and (curves := form.read_animations(character.source).get(animation)) is not None:
+        sound = [StoredTrack(animation, own[0].place, curves.names, curves.times_s, curves.weights)]
     if not sound:
         fault = next((said for _, said in (t.fault for t in own) if said), "its keys are not sound")
         raise InputError(
