@@ -66,7 +66,7 @@ def writable(text: str) -> bool:
     return all(ord(c) in _glyphs() and not "\u0590" <= c <= "\u08ff" for c in text)
 
 
-def plot_settings() -> dict[str, Any]:
+def plot_settings() -> Any:
     """Matplotlib's rcParams of every plot."""
     from cycler import cycler
 
