@@ -18,7 +18,7 @@ from animeme.errors import InputError
 from animeme.phones import Phone, PhoneTrack, Word
 from animeme_stages.pictures.framing import face_camera, limits_of, ranges_of
 from animeme_stages.pictures.played import read_played
-from animeme_stages.pictures.scene import load_scene
+from animeme_stages.pictures.scene import load_scene, scene_of
 from animeme_stages.pictures.shade import Renderer
 from conftest import SAMPLE
 
@@ -238,3 +238,12 @@ def test_face_is_found_on_whichever_side_it_is(crab: Path) -> None:
     behind = face_camera(turned(), {"MawGape": 1.0}, aspect=1.0)  # type: ignore[arg-type]
     assert behind.yaw - front.yaw == pytest.approx(180.0)
     assert behind.height == pytest.approx(front.height, rel=1e-3)
+
+
+def test_asset_that_changed_is_read_anew(crab: Path, tmp_path: Path) -> None:
+    asset = tmp_path / "crab.glb"
+    asset.write_bytes(crab.read_bytes())
+    before = scene_of(asset)
+    assert scene_of(asset) is before
+    asset.write_bytes(CRAB.read_bytes())
+    assert scene_of(asset) is not before

@@ -15,7 +15,7 @@ from animeme_stages.ingest.audio import decode
 from animeme_stages.pictures import encode, style
 from animeme_stages.pictures.framing import face_camera, limits_of, ranges_of
 from animeme_stages.pictures.played import Played, read_played
-from animeme_stages.pictures.scene import Scene, load_scene
+from animeme_stages.pictures.scene import Scene, scene_of
 from animeme_stages.pictures.shade import Pixels, Renderer
 from animeme_stages.pictures.strip import fitted
 
@@ -67,7 +67,7 @@ def film(
         )
     write = encode.writer()
     sound = None if audio is None else _sound(audio)
-    scene = load_scene(asset)
+    scene = scene_of(asset)
     played = read_played(scene.character, animation)
     duration_s = played.duration_s if sound is None else sound.duration_s
     count = max(1, round(duration_s * rate_hz))

@@ -10,7 +10,7 @@ import numpy as np
 
 from animeme import registry
 from animeme.errors import InputError
-from animeme.files import anywhere
+from animeme.files import anywhere, stamp
 from animeme.rig import Character
 from animeme_stages.pictures.raster import Floats, Indices, Singles
 
@@ -178,6 +178,26 @@ def load_scene(path: str | Path) -> Scene:
             action="Export the character with its meshes.",
         )
     return Scene(character, meshes)
+
+
+_last: list[tuple[Path, dict[Path, str], Scene]] = []
+
+
+def scene_of(path: Path) -> Scene:
+    """As `load_scene`; the last one is kept, as lines of one character come one after another.
+
+    Raises:
+        InputError: as `load_scene`.
+    """
+    for known, stamps, scene in _last:
+        if known == path.absolute() and all(stamp(file) == was for file, was in stamps.items()):
+            return scene
+    _last.clear()
+    before = stamp(path)
+    scene = load_scene(path)
+    files = registry.format_named(scene.character.format).inputs(scene.character)
+    _last.append((path.absolute(), {path: before, **{file: stamp(file) for file in files}}, scene))
+    return scene
 
 
 def is_cover(name: str) -> bool:

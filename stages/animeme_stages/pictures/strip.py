@@ -14,7 +14,7 @@ from animeme_stages.pictures import style
 from animeme_stages.pictures.framing import face_camera, limits_of, ranges_of
 from animeme_stages.pictures.moments import Moment, moments_of
 from animeme_stages.pictures.played import read_played
-from animeme_stages.pictures.scene import Scene, load_scene
+from animeme_stages.pictures.scene import Scene, scene_of
 from animeme_stages.pictures.shade import Camera, Renderer
 
 FRAME_PX = (230, 280)
@@ -52,7 +52,7 @@ def draw_strip(
     if not 1 <= moments <= MOST_MOMENTS:
         raise ValueError(f"moments must be from 1 to {MOST_MOMENTS}, not {moments}")
     _require_suffix(output)
-    scene = load_scene(asset)
+    scene = scene_of(asset)
     played = read_played(scene.character, animation)
     duration_s = played.duration_s if track is None else track.duration_s
     chosen = moments_of(track, duration_s, moments)
