@@ -196,6 +196,11 @@ def broken(asset: Path, target: Path, edit: str) -> Path:
         root["bufferViews"][view]["extensions"] = {"EXT_meshopt_compression": {}}
     elif edit == "buffer":
         root["buffers"][0]["uri"] = "data:application/octet-stream;base64,AAAA"
+    elif edit == "far":
+        for node in root["nodes"]:
+            node["scale"] = [1e100, 1.0, 1.0]
+    elif edit == "count":
+        root["accessors"][primitive["attributes"]["POSITION"]]["count"] = 10**15
     elif edit == "circle":
         root["nodes"][0].setdefault("children", []).append(0)
     target.write_text(json.dumps(root), encoding="utf-8")
@@ -208,6 +213,8 @@ def broken(asset: Path, target: Path, edit: str) -> Path:
         ("indices", "asset-unreadable"),
         ("position", "asset-unreadable"),
         ("buffer", "asset-unreadable"),
+        ("far", "asset-unreadable"),
+        ("count", "asset-unreadable"),
         ("draco", "picture-compressed"),
         ("meshopt", "picture-compressed"),
     ],

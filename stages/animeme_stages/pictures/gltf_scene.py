@@ -20,11 +20,14 @@ from animeme_stages.pictures.scene import (
     SceneMesh,
     Target,
     is_cover,
+    require_finite,
     skinned,
     welded,
 )
 
-_BROKEN = (AttributeError, IndexError, KeyError, TypeError, ValueError, OverflowError)
+_BROKEN = (
+    AttributeError, IndexError, KeyError, MemoryError, OverflowError, TypeError, ValueError,
+)  # fmt: skip
 _COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 # Below this, what is blended without a texture is glass.
@@ -113,13 +116,14 @@ class _Reader:
         """Vertices of a primitive, placed in the world, with `count` targets."""
         values, attributes = self.buffers.values, primitive["attributes"]
         local = values(attributes["POSITION"]).astype(np.float64)
-        if local.shape[1] != 3 or not np.isfinite(local).all():
+        if local.shape[1] != 3:
             raise ValueError("positions that are no points")
         moved = np.zeros((count, *local.shape))
         for k, target in enumerate(primitive.get("targets", [])[:count]):
             if "POSITION" in target:
                 moved[k] = values(target["POSITION"])
         points, offsets = self._placed(local, moved, index, attributes)
+        require_finite(points, offsets)
 
         def optional(name: str, width: int) -> Singles | None:
             if name not in attributes:

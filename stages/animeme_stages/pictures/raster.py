@@ -15,6 +15,7 @@ Indices = NDArray[np.int64]
 # Pixels filled at a time, so that memory stays bounded (about 60 bytes each).
 _MOST_FRAGMENTS = 1 << 20
 _NEAREST = 1e-6
+_WIDEST_PX = 1e6
 _EMPTY = np.iinfo(np.int64).max
 
 Opaque = Callable[[Indices, Singles], NDArray[np.bool_]]
@@ -148,6 +149,8 @@ def on_screen(screen: Floats, distance: Floats, triangles: Indices) -> Corners:
     close = (1.0 / np.maximum(distance, _NEAREST)).astype(np.float32)[triangles]
     area = _area(x, y)
     usable = (close.max(1) < 0.5 / _NEAREST) & (np.abs(area) > 1e-6)
+    # Nor what an eye in the middle of it would see of it.
+    usable &= (np.abs(x).max(1) < _WIDEST_PX) & (np.abs(y).max(1) < _WIDEST_PX)
     return Corners(x, y, close, area, usable)
 
 

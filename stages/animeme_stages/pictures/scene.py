@@ -18,6 +18,7 @@ Colour = tuple[float, float, float]
 
 # What an asset without materials looks like: clay.
 CLAY: Colour = (0.62, 0.52, 0.46)
+_FARTHEST = 1e12
 # Normals of a soft edge are within 60 degrees of one another.
 _SAME_SIDE = 0.5
 # Parts of the names of covers over the eyes, most of which are exported as opaque.
@@ -230,6 +231,16 @@ def welded(points: Floats, normals: Singles | None = None) -> Indices:
         count += len(first)
         left = left[~near]
     return found
+
+
+def require_finite(*tables: Floats) -> None:
+    """Make sure that positions can be drawn.
+
+    Raises:
+        ValueError: one of them is no number, or beyond what anything is measured in.
+    """
+    if not all((np.abs(table) < _FARTHEST).all() for table in tables):
+        raise ValueError("a position that is no number, or too far")
 
 
 def numbered(keys: Indices) -> tuple[Indices, Indices]:

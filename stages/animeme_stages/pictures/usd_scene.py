@@ -22,12 +22,13 @@ from animeme_stages.pictures.scene import (
     SceneMesh,
     Target,
     is_cover,
+    require_finite,
     skinned,
     welded,
 )
 
 _EVERYWHERE = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
-_BROKEN = (IndexError, TypeError, ValueError)
+_BROKEN = (IndexError, MemoryError, TypeError, ValueError)
 
 
 def read_meshes(character: Character) -> Iterator[SceneMesh]:
@@ -86,6 +87,7 @@ class _Reader:
             raise ValueError(f"{prim.GetPath()}: faces of vertices that are not there")
         targets = self._targets(prim, len(points))
         points, targets = self._placed(prim, points, targets)
+        require_finite(points, *(target.offsets for target in targets.values()))
         uv, split = self._uv(prim, corners, len(points))
         origin = np.arange(len(points)) if split is None else split[0]
         corner_vertex = corners if split is None else split[1]
