@@ -1,4 +1,4 @@
-"""What an accessor of glTF says, as floats; glTF 2.0, section 3.6.2.
+"""What an accessor of glTF says; glTF 2.0, section 3.6.2.
 
 Dense, strided and sparse ones, of floats or of whole numbers that stand for fractions.
 """
@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 FLOAT = 5126
-_KINDS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", FLOAT: "<f4"}
+_LONG = 5125
+_KINDS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", _LONG: "<u4", FLOAT: "<f4"}
 _INDEX_KINDS = {5121: "u1", 5123: "<u2", 5125: "<u4"}
-_WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 # Numbers of an accessor that no file holds, and that hence cost its author nothing: 64 MB, five
 # hours of 30 frames a second with 30 shapes.
 _MOST_UNSTORED = 1 << 24
@@ -32,7 +33,7 @@ class CompressedError(AccessorError):
 def accessor_floats(
     root: Mapping[str, Any], index: int, buffer: Callable[[int], memoryview]
 ) -> NDArray[np.float32]:
-    """The values of an accessor, shape (count, components).
+    """The values of an accessor that stand for real numbers, shape (count, components).
 
     Args:
         root: the document.
@@ -40,19 +41,39 @@ def accessor_floats(
         buffer: gives the data of a buffer by its index.
 
     Raises:
-        AccessorError: it leaves its buffer, or has no such type.
+        AccessorError: it leaves its buffer, or holds whole numbers.
         LookupError, TypeError, ValueError: the document is broken where it is followed.
     """
     accessor = root["accessors"][index]
     kind = accessor["componentType"]
-    if kind not in _KINDS or (kind != FLOAT and accessor.get("normalized") is not True):
+    fractions = kind in _KINDS and kind != _LONG and accessor.get("normalized") is True
+    if kind != FLOAT and not fractions:
         raise AccessorError("holds neither floats nor normalized whole numbers")
-    dtype, width, count = np.dtype(_KINDS[kind]), _WIDTH[accessor["type"]], accessor["count"]
+    return accessor_values(root, index, buffer).astype(np.float32, copy=False)
+
+
+def accessor_values(
+    root: Mapping[str, Any], index: int, buffer: Callable[[int], memoryview]
+) -> NDArray[Any]:
+    """The values of any accessor, shape (count, components); normalized ones are float32.
+
+    Args:
+        root, index, buffer: as of `accessor_floats`.
+
+    Raises:
+        AccessorError: it leaves its buffer, or is of no known type.
+        LookupError, TypeError, ValueError: the document is broken where it is followed.
+    """
+    accessor = root["accessors"][index]
+    if accessor["componentType"] not in _KINDS:
+        raise AccessorError("holds numbers of no known kind")
+    dtype = np.dtype(_KINDS[accessor["componentType"]])
+    width, count = _WIDTH[accessor["type"]], accessor["count"]
     sparse = accessor.get("sparse")
     if "bufferView" in accessor:
         values = _elements(root, accessor, (count, width), dtype, buffer)
-    elif sparse is None or not 0 <= count * width <= _MOST_UNSTORED:
-        raise AccessorError("has no data")
+    elif not 0 <= count * width <= _MOST_UNSTORED:
+        raise AccessorError("has more zeros than anybody needs")
     else:
         values = np.zeros((count, width), dtype)
     if sparse is not None:
@@ -62,9 +83,9 @@ def accessor_floats(
         )
         values = values.copy()
         values[places[:, 0]] = _elements(root, sparse["values"], (size, width), dtype, buffer)
-    if kind == FLOAT:
-        return values.astype(np.float32, copy=False)
-    return np.maximum(values / np.iinfo(dtype).max, -1).astype(np.float32)
+    if accessor.get("normalized") is True and dtype.kind in "iu":
+        return np.maximum(values / np.iinfo(dtype).max, -1).astype(np.float32)
+    return values
 
 
 def _elements(

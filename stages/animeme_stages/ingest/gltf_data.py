@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import binascii
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -17,7 +18,12 @@ from animeme.curves import CurveSet
 from animeme.errors import InputError
 from animeme.rig import Character
 from animeme_stages.ingest.glb import Container, open_container, unreadable
-from animeme_stages.ingest.gltf_accessor import AccessorError, CompressedError, accessor_floats
+from animeme_stages.ingest.gltf_accessor import (
+    AccessorError,
+    CompressedError,
+    accessor_floats,
+    accessor_values,
+)
 from animeme_stages.ingest.gltf_document import mark_of
 
 
@@ -93,14 +99,28 @@ class Buffers:
         return data.data
 
     def floats(self, index: int) -> NDArray[np.float32]:
-        """The values of an accessor, shape (count, components).
+        """The values of an accessor of real numbers, shape (count, components).
 
         Raises:
             InputError: ``animation-compressed``; ``asset-unreadable``: it leaves its buffer, or
-                holds no floats.
+                holds no such numbers.
         """
-        try:
+        with self._followed(index):
             return accessor_floats(self.container.json, index, self._buffer)
+
+    def values(self, index: int) -> NDArray[Any]:
+        """The values of any accessor, shape (count, components); normalized ones are floats.
+
+        Raises:
+            InputError: as of `floats`.
+        """
+        with self._followed(index):
+            return accessor_values(self.container.json, index, self._buffer)
+
+    @contextmanager
+    def _followed(self, index: int) -> Iterator[None]:
+        try:
+            yield
         except CompressedError as error:
             raise InputError(
                 "animation-compressed",
@@ -110,6 +130,18 @@ class Buffers:
             ) from error
         except AccessorError as error:
             raise unreadable(self.container.path, f"accessor {index} {error}") from error
+
+    def view(self, index: int) -> memoryview:
+        """The bytes of a buffer view.
+
+        Raises:
+            InputError: it leaves its buffer.
+        """
+        view = self.container.json["bufferViews"][index]
+        data, start = self._buffer(view["buffer"]), view.get("byteOffset", 0)
+        if start < 0 or start + view["byteLength"] > len(data):
+            raise unreadable(self.container.path, f"buffer view {index} leaves its buffer")
+        return data[start : start + view["byteLength"]]
 
     def _buffer(self, index: int) -> memoryview:
         if index not in self._loaded:
