@@ -28,7 +28,10 @@ from support.jobs import (
 from support.schemas import validate
 
 # What `run --json` says beyond the report.
-EFFORT = {"output", "wall_s", "cpu_s", "known_lines", "files", "known_files", "step_s"}
+EFFORT = {
+    "output", "wall_s", "cpu_s", "real_time_factor", "known_lines", "files", "known_files", "step_s",
+    "step_results",
+}  # fmt: skip
 
 
 def job_of_two(folder: Path) -> SmallJob:

@@ -50,6 +50,7 @@ class Ledger:
         known_lines, known_files: how many an earlier run had done.
         files: how many files there are to write.
         step_s: step → CPU seconds over all workers.
+        step_results: step → how many of its results were made, and how many found in the store.
     """
 
     plan: Plan
@@ -65,6 +66,7 @@ class Ledger:
     known_files: int = 0
     files: int = 0
     step_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    step_results: dict[str, tuple[int, int]] = field(default_factory=dict)
     _failed: set[int] = field(default_factory=set)
     _lost: dict[str, list[Finding]] = field(default_factory=dict)
 
@@ -73,14 +75,19 @@ class Ledger:
         self.log.write(_event(event, data))
         self.log.flush()
 
-    def take_up(self, outcomes: Mapping[int, LineOutcome]) -> None:
-        """Take in lines, by number, that an earlier run did as this one would."""
+    def take_up(self, outcomes: Mapping[int, LineOutcome], how: str = "known") -> None:
+        """Take in lines, by number, that an earlier run did as this one would.
+
+        Args:
+            outcomes: what became of them.
+            how: "known", or "outdated" if their inputs have changed since.
+        """
         self.known_lines += len(outcomes)
         at = _now()
         for number, outcome in outcomes.items():
             self._end(number, outcome)
             line = {"line": self.plan.lines[number].key, "status": self._status(number)}
-            self.log.write(_event("line", {**line, "outcome": "known"}, at))
+            self.log.write(_event("line", {**line, "outcome": how}, at))
         self.log.flush()
 
     def end_line(self, item: LineItem, result: Result) -> None:
@@ -94,8 +101,10 @@ class Ledger:
             self._add(item.number, [replace(fault, line=item.line.key)])
         else:
             self._end(item.number, outcome)
-            for step, seconds, _ in outcome.effort:
+            for step, seconds, hit in outcome.effort:
                 self.step_s[step] += seconds
+                made, found = self.step_results.get(step, (0, 0))
+                self.step_results[step] = (made + (not hit), found + hit)
             if outcome.effort and all(found for *_, found in outcome.effort):
                 self.known_lines += 1
             anew = {step for step, _, found in outcome.effort if not found}
@@ -221,6 +230,7 @@ class Ledger:
                 self.known_lines,
                 self.known_files,
                 {step: round(seconds, 3) for step, seconds in sorted(self.step_s.items())},
+                dict(sorted(self.step_results.items())),
             ),
         )
 

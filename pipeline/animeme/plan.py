@@ -21,7 +21,7 @@ from animeme.tasks import (
     speech_file,
 )
 
-REPORT_NAMES = ("report.json", "summary.md", "run.jsonl")
+REPORT_NAMES = ("report.json", "summary.md", "junit.xml", "report.sarif", "run.jsonl")
 
 
 @dataclass(frozen=True)
@@ -112,11 +112,15 @@ class Plan:
     def _first_of(self) -> Mapping[str, Target]:
         return {target.character: target for target in reversed(self.targets)}
 
+    def curve_files_of(self, target: Target, line: Line) -> Iterator[Path]:
+        """The curve files that go with a line's animation on a target."""
+        return (path for _, path in self._curve_files(target, line))
+
     def curve_files(self) -> Iterator[Path]:
         """Every curve file that the run may write; none twice, if no two lines clash."""
         for target in self.targets:
             for line in self._lines_of(target):
-                yield from (path for _, path in self._curve_files(target, line))
+                yield from self.curve_files_of(target, line)
 
     def assembly_items(self, written: Collection[Path], spool: Path) -> list[AssemblyItem]:
         """One item per file that joins the languages of an asset, of those that were written."""

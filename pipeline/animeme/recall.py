@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cached_property
 from hashlib import sha256
 from typing import Any
@@ -14,7 +14,7 @@ from animeme.dialogue import Line
 from animeme.findings import Finding, Severity
 from animeme.job import Job
 from animeme.line_keys import Keyring
-from animeme.steps import delivered_parts, packed, places, unpacked
+from animeme.steps import curves_of, delivered_parts, packed, places, unpacked
 from animeme.store.keys import (
     canonical,
     target_parts,
@@ -68,10 +68,48 @@ class Recall(Keyring):
         outcomes = {}
         for item in items:
             noted = found.get(wanted.get(item.number, ""))
-            outcome = self._outcome(item, json.loads(noted)) if noted else None
+            key = self._keys.get(item.number, "")
+            outcome = self._outcome(item, json.loads(noted), key) if noted else None
             if outcome is not None:
                 outcomes[item.number] = outcome
         return outcomes
+
+    def previous(self, items: Sequence[LineItem]) -> dict[int, LineOutcome]:
+        """What was delivered last of each line, if all its targets can still have it."""
+        if not self._delivers:
+            return {}
+        before = {i.number: self._last[i.line.key] for i in items if i.line.key in self._last}
+        found = self.memory.index.notes(f"line:{key}" for key in before.values())
+        outcomes = {}
+        for item in items:
+            key = before.get(item.number, "")
+            noted = json.loads(found.get(f"line:{key}", "{}"))
+            if noted and self._fits(item, noted):
+                outcome = self._outcome(item, noted, key)
+                if outcome and all(f.severity < Severity.ERROR for f in outcome.findings):
+                    outcomes[item.number] = outcome
+        return outcomes
+
+    def _fits(self, item: LineItem, noted: Mapping[str, Any]) -> bool:
+        """Whether curves that were made for a line move the assets that it has now."""
+        names = [self._target_name(index) for index in item.targets]
+        rows = {place: (key, digest) for place, key, digest in noted["curves"]}
+        if noted.get("targets") != names or sorted(rows) != [*range(len(names))]:
+            return False
+        for place, index in enumerate(item.targets):
+            key, digest = rows[place]
+            entry = self.memory.store.get(key)
+            shapes = self.targets[index].asset.shapes
+            if entry is None or entry.digest != digest:
+                return False
+            if not {*curves_of(entry.payload)[0].names} <= {*shapes}:
+                return False
+        return True
+
+    def _target_name(self, index: int) -> str:
+        """What tells a target from the others, whatever becomes of its asset."""
+        target = self.targets[index]
+        return f"{target.character}{target.suffix}"
 
     def stored(self, item: LineItem) -> bool:
         """Whether all results of a line are in the store, whoever put them there."""
@@ -101,13 +139,13 @@ class Recall(Keyring):
         }
         return {**own, **places(item.line, self.context)}
 
-    def _outcome(self, item: LineItem, noted: Mapping[str, Any]) -> LineOutcome | None:
+    def _outcome(self, item: LineItem, noted: Mapping[str, Any], key: str) -> LineOutcome | None:
         line = item.line
         if time.time() - noted["used"] > _TOUCH_AFTER_S:
             keys = [noted["alignment"], *(key for _, key, _ in noted["curves"])]
             if not all(self.memory.store.touch(key) for key in keys if key):
                 return None
-            self._note(item.number, {**noted, "used": time.time()})
+            self._note(key, {**noted, "used": time.time()})
         if noted["documents"] and not self._delivered(line, noted):
             return None
         findings: list[Finding] = []
@@ -157,7 +195,7 @@ class Recall(Keyring):
             rows.setdefault(place.get(finding.character), []).extend(packed([finding], tokens))
         positions = {index: n for n, index in enumerate(item.targets)}
         self._note(
-            item.number,
+            self._keys[item.number],
             {
                 "audio_s": outcome.audio_s,
                 "score": outcome.score,
@@ -166,15 +204,16 @@ class Recall(Keyring):
                 "curves": [
                     [positions[index], key, digest] for index, key, digest in outcome.curves
                 ],
+                "targets": [self._target_name(index) for index in item.targets],
                 "documents": [file.digest for file in outcome.delivered],
                 "findings": [*rows.items()],
                 "used": time.time(),
             },
         )
 
-    def _note(self, number: int, noted: Mapping[str, Any]) -> None:
+    def _note(self, key: str, noted: Mapping[str, Any]) -> None:
         text = json.dumps(noted, ensure_ascii=False, separators=(",", ":"))
-        self.memory.index.set_note(f"line:{self._keys[number]}", text)
+        self.memory.index.set_note(f"line:{key}", text)
 
     def learn(self, files: Iterable[Delivered]) -> None:
         """Take in the digests of files that were just written."""
@@ -182,10 +221,15 @@ class Recall(Keyring):
             if file.stamp:
                 self.memory.digests.learn(os.path.abspath(file.path), file.stamp, file.digest)
 
-    def ran(self) -> None:
-        """Remember which keys the lines of the job had, for `why` of a later run."""
-        last = {line: self._keys[number] for line, number in self._lines.items()}
-        text = json.dumps({**self._last, **last}, ensure_ascii=False, separators=(",", ":"))
+    def ran(self, without: Collection[int] = ()) -> None:
+        """Remember which keys the lines of the job had, for `why` and `previous` of a later run.
+
+        Args:
+            without: numbers of lines that are as an earlier run left them.
+        """
+        mine = {line: number for line, number in self._lines.items() if number not in without}
+        last = {**self._last, **{line: self._keys[number] for line, number in mine.items()}}
+        text = json.dumps(last, ensure_ascii=False, separators=(",", ":"))
         if self._last != last and self._delivers:
             self.memory.index.set_note(self._scope, text)
 

@@ -113,6 +113,10 @@ class RehearsalDocument(Document):
     totals: RehearsalTotals
     causes: dict[str, int] = Field(description="Cause → how many lines it makes stale.")
     lines: list[StaleLineEntry]
+    outdated: list[StaleLineEntry] = Field(
+        default_factory=list,
+        description="Lines that have changed, but would stay as they are: nobody asked for them.",
+    )
     files: list[str] = Field(
         description="Asset files that would be written, relative to the output folder."
     )

@@ -26,12 +26,21 @@ def text(report: RunReport) -> str:
         [
             f"# {report.job}",
             "",
+            *_partial(report),
             *_table(report),
             *_unrecorded(report),
             *_findings(report),
             *_outputs(report),
         ]
     )
+
+
+def _partial(report: RunReport) -> Iterator[str]:
+    """Where a run was about some of the lines, which."""
+    for finding in report.findings:
+        if finding.code == "run-partial":
+            yield f"{finding.message}. {finding.action}"
+            yield ""
 
 
 def _table(report: RunReport) -> Iterator[str]:
