@@ -68,6 +68,15 @@ def write_text(target: Path, text: str) -> None:
         scratch.write_text(text, encoding="utf-8", newline="\n")
 
 
+def update_text(target: Path, text: str) -> None:
+    """As `write_text`, but a file that says just that already is left alone."""
+    data = text.encode()
+    with suppress(OSError):
+        if target.stat().st_size == len(data) and target.read_bytes() == data:
+            return
+    write_bytes(target, data)
+
+
 def write_bytes(target: Path, data: bytes, *, durable: bool = True) -> None:
     """Write `data` to `target`, atomically; see `atomic_path`."""
     with atomic_path(target, durable=durable) as scratch:

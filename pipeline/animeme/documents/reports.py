@@ -44,6 +44,9 @@ class ReportDocument(Document):
     totals: dict[str, dict[str, int]] = Field(
         description="Character → how many of its lines are ok, review and failed."
     )
+    languages: dict[str, dict[str, int]] = Field(
+        default_factory=dict, description="Language → the same of its lines."
+    )
     audio_s: Seconds
     findings: list[FindingEntry] = Field(description="Those that concern no single line.")
     lines: list[LineEntry]
