@@ -18,6 +18,7 @@ from animeme.contracts import Model
 from animeme.dialogue import Line
 from animeme.errors import InputError, JobError, Problem
 from animeme.executors import Executor
+from animeme.files import walk
 from animeme.findings import Finding, Severity
 from animeme.gathering import gather
 from animeme.job import Job, check_job
@@ -352,7 +353,7 @@ def _resolved(paths: Iterable[Path]) -> set[str]:
 def stale_outputs(plan: Plan, fresh: Collection[str]) -> Iterator[Finding]:
     """A warning for each file of an earlier run that this one would have written, but did not."""
     output = str(plan.job.output)
-    left = {path for path in _files_below(output) if path not in fresh}
+    left = {path for path in map("/".join, walk(output)) if path not in fresh}
     left -= {os.path.join(output, name) for name in REPORT_NAMES}
     for path in map(str, plan.possible_files() if left else ()):
         if path in left:
@@ -363,18 +364,6 @@ def stale_outputs(plan: Plan, fresh: Collection[str]) -> Iterator[Finding]:
                 place=path[len(output) + 1 :],
                 action="Do not deliver it; mend its lines and run again, or delete it.",
             )
-
-
-def _files_below(folder: str) -> Iterator[str]:
-    """Paths of the files below a folder; there may be as many as lines."""
-    with os.scandir(folder) as found:
-        for entry in found:
-            if entry.name.startswith("."):
-                continue  # the run's own spool
-            if entry.is_dir(follow_symlinks=False):
-                yield from _files_below(entry.path)
-            elif entry.is_file():
-                yield entry.path
 
 
 def require_distinct_companions(job: Job, targets: Iterable[Target]) -> None:

@@ -245,7 +245,7 @@ class _Work:
         self._tell("lines", len(known), len(self.items), len(known))
         for done, _ in enumerate(self._make(stale), 1):
             self._tell("lines", len(known) + done, len(self.items), len(known))
-        self.recall.ran()
+        self.recall.ran(self.items)
 
     def _make(self, items: Sequence[LineItem]) -> Iterator[None]:
         saved = time.monotonic()
