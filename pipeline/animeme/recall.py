@@ -317,14 +317,22 @@ class Recall(Keyring):
             **self._line(item.line, item.targets)[2],
             "model": canonical([self._models[index] for index in item.targets]),
             "rig": canonical(targets),
-            "code": "".join(self._codes.values()),
+            "code": canonical(self._all_codes),
         }
         return {cause: sha256(text.encode()).hexdigest()[:8] for cause, text in causes.items()}
 
     @cached_property
+    def _all_codes(self) -> list[str]:
+        """Digests of the code behind all parts of the work."""
+        self.context  # noqa: B018  which looks at the models' code
+        for part in ("align", "speak", "rig", "by hand"):
+            self._code(part)
+        return [digest for _, digest in sorted(self._codes.items())]
+
+    @cached_property
     def _look(self) -> str:
         """What all lines of the run depend on, and where it puts what."""
-        codes = [self._code(part) for part in ("align", "speak", "rig", "by hand")]
+        codes = self._all_codes
         targets = [[t.character, t.model is None, len(t.model_files)] for t in self.targets]
         job, context = self.job, self.context
         places = [os.path.abspath(path) for path in (job.output, job.voices or "")]

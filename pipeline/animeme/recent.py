@@ -8,7 +8,6 @@ it looks as it did. Everything else is looked up by content, as on any other mac
 from __future__ import annotations
 
 import json
-import os
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -103,6 +102,6 @@ def look_of(common: str, line: Line, targets: Sequence[int], stamps: Iterable[An
     return "\0".join((common, line.key, str(targets), *said, *cars, *files))
 
 
-def stamped(paths: Iterable[str | os.PathLike[str]]) -> Stamps:
+def stamped(paths: Iterable[str]) -> Stamps:
     """Files with their stamps."""
-    return tuple((str(path), stamp(path)) for path in paths)
+    return tuple((path, stamp(path)) for path in paths)

@@ -77,13 +77,14 @@ def rehearse(job: Job, memory: Memory) -> Rehearsal:
     ledger.take_up(known)
     files = AssetRecall(memory, job, plan.targets)
 
-    def is_there(item: AssetItem) -> bool:
+    def key_of(item: AssetItem) -> str:
         digests = [ledger.curves[line[0]][item.target][1] for line in item.lines]
-        return files.known(files.asset_key(item, digests), item) is not None
+        return files.asset_key(item, digests)
 
-    for item in plan.asset_items(ledger.good, ledger.curves, Path()):
-        if item.output not in unwritten and not is_there(item):
-            unwritten.add(item.output)
+    assets = plan.asset_items(ledger.good, ledger.curves, Path())
+    assets = [asset for asset in assets if asset.output not in unwritten]
+    there = files.known([(key_of(asset), asset) for asset in assets])
+    unwritten |= {a.output for a, found in zip(assets, there, strict=True) if found is None}
     start = len(str(job.output)) + 1
     return Rehearsal(
         job.name,

@@ -264,13 +264,10 @@ class _Work:
         ledger = self.ledger
         items = ledger.plan.asset_items(ledger.good, ledger.curves, self.spool)
         ledger.files += len(items)
-        waiting = []
-        for item in items:
-            outcome = self.files.known(self._key(item), item)
-            if outcome is None:
-                waiting.append(item)
-            else:
-                ledger.take_up_asset(item, outcome)
+        there = self.files.known([(self._key(item), item) for item in items])
+        pairs = [*zip(items, there, strict=True)]
+        ledger.take_up_assets((item, outcome) for item, outcome in pairs if outcome is not None)
+        waiting = [item for item, outcome in pairs if outcome is None]
         known = len(items) - len(waiting)
         self._tell("assets", known, len(items), known)
         for turn in range(1, MOST_ROUNDS + 1):
@@ -325,8 +322,8 @@ class _Work:
         keys = [self.files.assembly_key(item) for item in items]
         self.ledger.files += len(items)
         waiting = []
-        for key, item in zip(keys, items, strict=True):
-            outcome = self.files.known(key, item)
+        keyed = [*zip(keys, items, strict=True)]
+        for (key, item), outcome in zip(keyed, self.files.known(keyed), strict=True):
             if outcome is None:
                 waiting.append((key, item))
             else:
@@ -336,6 +333,7 @@ class _Work:
             self.ledger.end_assembly(item, result)
             if result.value is not None:
                 self.files.keep(key, item, result.value)
+        self.files.ran()
 
     def _run(
         self, function: Callable[..., Any], items: Sequence[Any], timeout_s: float
