@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 from animeme.errors import InputError
 
@@ -67,6 +69,24 @@ def write_text(target: Path, text: str) -> None:
     """Write `text` to `target` as UTF-8 with LF line ends, atomically."""
     with atomic_path(target) as scratch:
         scratch.write_text(text, encoding="utf-8", newline="\n")
+
+
+_encoded = json.JSONEncoder(ensure_ascii=False).encode
+
+
+def json_text(document: Mapping[str, Any]) -> str:
+    """A document as JSON with a line for each member, and one for each element of its lists.
+
+    Faster than an indented one by far, and easier to read where elements are alike.
+    """
+    members = []
+    for name, value in document.items():
+        if isinstance(value, list) and value:
+            rows = ",\n  ".join(map(_encoded, value))
+            members.append(f" {_encoded(name)}: [\n  {rows}\n ]")
+        else:
+            members.append(f" {_encoded(name)}: {_encoded(value)}")
+    return "{\n" + ",\n".join(members) + "\n}\n"
 
 
 def write_bytes(target: Path, data: bytes, *, durable: bool = True) -> None:

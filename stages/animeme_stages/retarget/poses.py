@@ -14,7 +14,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from animeme_stages.retarget.profile_files import arkit_controls
 
@@ -59,6 +58,9 @@ def solve(controls: Floats, poses: Sequence[Mapping[str, float]]) -> Floats:
     Returns:
         Shape (T, P), each at least 0.
     """
+    # Imported here: every worker would wait for it, and few rigs are made of poses.
+    from scipy.optimize import nnls
+
     picture = features()
     target = controls @ picture.T
     shown = np.array([[pose.get(c, 0.0) for c in arkit_controls()] for pose in poses]) @ picture.T

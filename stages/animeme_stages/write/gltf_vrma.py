@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from animeme.contracts import LineAnimation, Verify, unverified
 from animeme.curves import CurveSet
@@ -177,6 +176,9 @@ def _solved(
         ]
     ).reshape(len(shapes), len(used))
     rows = line.curves.weights
+    # Imported here: every worker would wait for it, and few deliver this.
+    from scipy.optimize import nnls
+
     weights = np.array([nnls(mixed, row)[0] for row in rows]) if used and shapes else None
     weights = np.zeros((len(rows), len(used))) if weights is None else np.minimum(weights, 1.0)
     error = np.abs(weights @ mixed.T - rows).max(axis=0, initial=0.0)
