@@ -88,14 +88,16 @@ def rehearse(job: Job, memory: Memory, selection: Selection = EVERYTHING) -> Reh
     ledger.take_up(known)
     files = AssetRecall(memory, job, plan.targets)
 
-    def is_there(item: AssetItem) -> bool:
+    def key_of(item: AssetItem) -> str:
         digests = [ledger.curves[line[0]][item.target][1] for line in item.lines]
-        return files.known(files.asset_key(item, digests), item) is not None
+        return files.asset_key(item, digests)
 
-    for item in plan.asset_items(ledger.good, ledger.curves, Path()):
-        within = scope is None or item.output in scope.files
-        if within and item.output not in unwritten and not is_there(item):
-            unwritten.add(item.output)
+    assets = plan.asset_items(ledger.good, ledger.curves, Path())
+    if scope is not None:
+        assets = [asset for asset in assets if asset.output in scope.files]
+    assets = [asset for asset in assets if asset.output not in unwritten]
+    there = files.known([(key_of(asset), asset) for asset in assets])
+    unwritten |= {a.output for a, found in zip(assets, there, strict=True) if found is None}
     start = len(str(job.output)) + 1
     return Rehearsal(
         job.name,

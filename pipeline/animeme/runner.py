@@ -265,7 +265,7 @@ class _Work:
         self._tell("lines", len(known), len(self.items), len(known))
         for done, _ in enumerate(self._make(stale), 1):
             self._tell("lines", len(known) + done, len(self.items), len(known))
-        self.recall.ran(without=kept)
+        self.recall.ran(self.items, without=kept)
 
     def _kept(self, items: Sequence[LineItem]) -> dict[int, LineOutcome]:
         """Lines that nobody asked for, as they were delivered last."""
@@ -298,13 +298,10 @@ class _Work:
         if self.scope is not None:
             items = [item for item in items if item.output in self.scope.files]
         ledger.files += len(items)
-        waiting = []
-        for item in items:
-            outcome = self.files.known(self._key(item), item)
-            if outcome is None:
-                waiting.append(item)
-            else:
-                ledger.take_up_asset(item, outcome)
+        there = self.files.known([(self._key(item), item) for item in items])
+        pairs = [*zip(items, there, strict=True)]
+        ledger.take_up_assets((item, outcome) for item, outcome in pairs if outcome is not None)
+        waiting = [item for item, outcome in pairs if outcome is None]
         known = len(items) - len(waiting)
         self._tell("assets", known, len(items), known)
         for turn in range(1, MOST_ROUNDS + 1):
@@ -359,8 +356,8 @@ class _Work:
         keys = [self.files.assembly_key(item) for item in items]
         self.ledger.files += len(items)
         waiting = []
-        for key, item in zip(keys, items, strict=True):
-            outcome = self.files.known(key, item)
+        keyed = [*zip(keys, items, strict=True)]
+        for (key, item), outcome in zip(keyed, self.files.known(keyed), strict=True):
             if outcome is None:
                 waiting.append((key, item))
             else:
@@ -370,13 +367,14 @@ class _Work:
             self.ledger.end_assembly(item, result)
             if result.value is not None:
                 self.files.keep(key, item, result.value)
+        self.files.ran()
 
-    def _assemblies(self, written: Collection[Path]) -> list[AssemblyItem]:
+    def _assemblies(self, written: Collection[str]) -> list[AssemblyItem]:
         """The files that join languages, of those that were written or are there."""
         plan, scope = self.ledger.plan, self.scope
         if scope is None:
             return plan.assembly_items(written, self.spool)
-        items = plan.assembly_items({*written, *scope.beside()}, self.spool)
+        items = plan.assembly_items({*written, *map(str, scope.beside())}, self.spool)
         return [item for item in items if item.target in scope.targets]
 
     def _run(
