@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -31,7 +30,7 @@ def array_from(entry: Any, shape: tuple[int | None, ...], name: str) -> Floats:
         found = np.array(entry, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} is not an array of numbers") from error
-    if any(isinstance(value, (str, bool)) for value in _scalars(entry)):
+    if _kinds(entry) & {str, bool}:
         raise ValueError(f"{name} is not an array of numbers")
     fits = found.ndim == len(shape) and all(
         n is None or n == m for n, m in zip(shape, found.shape, strict=True)
@@ -46,9 +45,10 @@ def array_from(entry: Any, shape: tuple[int | None, ...], name: str) -> Floats:
     return found
 
 
-def _scalars(entry: Any) -> Iterator[Any]:
-    if isinstance(entry, list):
-        for item in entry:
-            yield from _scalars(item)
-    else:
-        yield entry
+def _kinds(entry: Any) -> set[type]:
+    """What the innermost elements of nested lists are; there may be a million."""
+    kinds = set(map(type, entry)) if isinstance(entry, list) else {type(entry)}
+    if list in kinds:
+        kinds = kinds - {list}
+        kinds |= set().union(*(_kinds(item) for item in entry if isinstance(item, list)))
+    return kinds
