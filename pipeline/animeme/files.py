@@ -27,7 +27,7 @@ def atomic_path(target: Path, *, durable: bool = True) -> Iterator[Path]:
     Raises:
         InputError: the folder or the file cannot be written.
     """
-    scratch = target.with_name(f".{secrets.token_hex(4)}{target.suffix}")
+    scratch = scratch_beside(target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         yield scratch
@@ -40,6 +40,11 @@ def atomic_path(target: Path, *, durable: bool = True) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             scratch.unlink(missing_ok=True)
+
+
+def scratch_beside(target: Path) -> Path:
+    """A name for a temporary file beside `target`; runs remove what killed ones have left of it."""
+    return target.with_name(f".{secrets.token_hex(4)}{target.suffix}")
 
 
 def unwritable(target: Path, error: OSError) -> InputError:

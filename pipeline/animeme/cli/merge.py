@@ -10,7 +10,7 @@ from animeme import api
 from animeme.cli import options as shared
 from animeme.cli.progress import progress
 from animeme.cli.run import end_run
-from animeme.executors.local import default_workers
+from animeme.executors.choice import Kind, place
 from animeme.job import read_job
 
 
@@ -19,7 +19,6 @@ from animeme.job import read_job
 @click.option(
     "--output", type=click.Path(path_type=Path), help="Output folder in place of the job's."
 )
-@shared.workers
 @shared.executor
 @shared.fail_on
 @click.option("--speak", is_flag=True, help="The shards were run with --speak.")
@@ -29,7 +28,8 @@ def command(
     job: Path,
     output: Path | None,
     workers: int | None,
-    executor: str,
+    executor: Kind,
+    scheduler: str | None,
     fail_on: str,
     speak: bool,
     cache: Path | None,
@@ -46,8 +46,9 @@ def command(
         report = api.run(
             job,
             output=folder,
-            executor="inline" if executor == "inline" else "local",
+            executor=executor,
             workers=workers,
+            scheduler=scheduler,
             fail_on=fail_on,
             speak=speak,
             cache=cache,
@@ -56,5 +57,5 @@ def command(
     missing = report.effort.lines - report.effort.known_lines
     if missing:
         click.echo(f"{missing} lines were in no shard's results, and were done now.", err=True)
-    processes = 1 if executor == "inline" else workers or default_workers()
-    return end_run(report, folder, processes, as_json)
+    where = place(executor, workers, scheduler)
+    return end_run(report, folder, where, as_json)

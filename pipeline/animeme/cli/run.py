@@ -12,7 +12,7 @@ import click
 from animeme import api
 from animeme.cli import options as shared
 from animeme.cli.progress import progress
-from animeme.executors.local import default_workers
+from animeme.executors.choice import Kind, place
 from animeme.findings import RunReport, Severity
 from animeme.job import read_job
 from animeme.rehearsal import Rehearsal
@@ -36,7 +36,6 @@ def _shard(_: click.Context, __: click.Parameter, value: str | None) -> str | No
 @click.option(
     "--output", type=click.Path(path_type=Path), help="Output folder in place of the job's."
 )
-@shared.workers
 @shared.executor
 @shared.fail_on
 @click.option(
@@ -57,7 +56,8 @@ def command(
     job: Path,
     output: Path | None,
     workers: int | None,
-    executor: str,
+    executor: Kind,
+    scheduler: str | None,
     fail_on: str,
     speak: bool,
     cache: Path | None,
@@ -78,6 +78,8 @@ def command(
         raise click.UsageError(
             "--no-cache keeps nothing, so it goes with neither --cache nor --shard."
         )
+    if shard is not None and executor == "dask":
+        raise click.UsageError("--shard is for farms without Dask, which shares out all lines.")
     chosen: Path | Literal[False] | None = False if no_cache else cache
     if dry_run:
         rehearsal = api.rehearse(job, output=output, speak=speak, cache=chosen, rehash=rehash)
@@ -90,8 +92,9 @@ def command(
         report = api.run(
             job,
             output=folder,
-            executor="inline" if executor == "inline" else "local",
+            executor=executor,
             workers=workers,
+            scheduler=scheduler,
             fail_on=fail_on,
             speak=speak,
             cache=chosen,
@@ -99,16 +102,16 @@ def command(
             shard=shard,
             listener=listener,
         )
-    processes = 1 if executor == "inline" else workers or default_workers()
+    where = place(executor, workers, scheduler)
     if shard is not None:
-        return _end_shard(report, shard, processes, as_json)
-    return end_run(report, folder, processes, as_json)
+        return _end_shard(report, shard, where, as_json)
+    return end_run(report, folder, where, as_json)
 
 
-def end_run(report: RunReport, folder: Path, processes: int, as_json: bool) -> int:
+def end_run(report: RunReport, folder: Path, where: str, as_json: bool) -> int:
     """Tell people and programs how a run ended; gives the exit code."""
     _show((folder / "summary.md").read_text(encoding="utf-8"))
-    click.echo(f"{effort_of(report, processes)} Everything is in {folder}.", err=True)
+    click.echo(f"{effort_of(report, where)} Everything is in {folder}.", err=True)
     if as_json:
         document = json.loads((folder / "report.json").read_text(encoding="utf-8"))
         click.echo(
@@ -121,7 +124,7 @@ def end_run(report: RunReport, folder: Path, processes: int, as_json: bool) -> i
     return report.exit_code
 
 
-def effort_of(report: RunReport, processes: int) -> str:
+def effort_of(report: RunReport, where: str) -> str:
     """What a run took, in a sentence or two."""
     effort = report.effort
     factor = f", {report.audio_s / report.wall_s:.1f} times real time" if report.wall_s else ""
@@ -130,7 +133,7 @@ def effort_of(report: RunReport, processes: int) -> str:
         f"{effort.files} files were there already."
     )
     return (
-        f"{len(report.lines)} lines in {report.wall_s:.1f} s on {processes} processors, "
+        f"{len(report.lines)} lines in {report.wall_s:.1f} s on {where}, "
         f"{report.cpu_s:.1f} CPU-seconds for {report.audio_s:.1f} s of audio{factor}. {known}"
     )
 
@@ -148,7 +151,7 @@ def _figures(report: RunReport) -> dict[str, object]:
     }
 
 
-def _end_shard(report: RunReport, shard: str, processes: int, as_json: bool) -> int:
+def _end_shard(report: RunReport, shard: str, where: str, as_json: bool) -> int:
     counts = {status: report.count(status) for status in ("ok", "review", "failed")}
     worst = sorted(
         (f for f in report.all_findings if f.severity >= Severity.WARNING),
@@ -159,7 +162,7 @@ def _end_shard(report: RunReport, shard: str, processes: int, as_json: bool) -> 
     if len(worst) > MOST_SHOWN:
         click.echo(f"… and {len(worst) - MOST_SHOWN} more", err=True)
     said = ", ".join(f"{count} {status}" for status, count in counts.items())
-    click.echo(f"Shard {shard}: {said}. {effort_of(report, processes)}", err=True)
+    click.echo(f"Shard {shard}: {said}. {effort_of(report, where)}", err=True)
     if as_json:
         document = {"shard": shard, "exit_code": report.exit_code, "totals": counts}
         click.echo(json.dumps({**document, **_figures(report)}, indent=1))
