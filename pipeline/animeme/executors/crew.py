@@ -320,10 +320,11 @@ def code_digest(folder: str = "") -> str:
     from animeme import registry
     from animeme.store.code import CodeDigests
     from animeme.store.digests import Digests
-    from animeme.store.index import Index
+    from animeme.store.index import Index, index_path, user_cache
 
     if folder and os.getcwd() != folder:
         os.chdir(folder)  # where modules may be as well
-    index = Index(None)
     plugins = [p for group in registry.GROUPS for p in registry.plugins(group).values()]
-    return CodeDigests(index, Digests(index)).of(plugins, *_ENGINE)
+    # What modules import is remembered on each machine.
+    with Index(index_path(user_cache() / "code")) as index:
+        return CodeDigests(index, Digests(index)).of(plugins, *_ENGINE)
