@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import random
 import select
@@ -16,6 +15,7 @@ import pytest
 from animeme.executors import Executor, Result
 from animeme.executors.inline import InlineExecutor
 from animeme.executors.local import LocalExecutor
+from support.clusters import cluster_here
 from support.jobs import PATIENCE_S
 from support.patience import patience
 
@@ -47,27 +47,11 @@ def results(
 
 
 @pytest.fixture(scope="module")
-def cluster() -> Iterator[str]:
-    """Address of a Dask scheduler that has one worker with two threads, all in this process."""
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=1,
-        threads_per_worker=2,
-        processes=False,
-        protocol="tcp://",
-        dashboard_address=":0",
-        scheduler_kwargs={"dashboard": False},
-        memory_limit=0,
-        silence_logs=logging.CRITICAL,
-    ) as here:
-        yield here.scheduler_address
-
-
-@pytest.fixture(scope="module")
-def dask(cluster: str) -> Iterator[Executor]:
+def dask() -> Iterator[Executor]:
+    pytest.importorskip("distributed")
     from animeme.executors.dask import DaskExecutor
 
-    with DaskExecutor(cluster) as executor:
+    with cluster_here() as address, DaskExecutor(address) as executor:
         yield executor
 
 

@@ -22,14 +22,13 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--no-dask", action="store_true")
-    parser.add_argument("--keep", action="store_true", help="leave the folder after a failure")
     chosen = parser.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="chaos-"))
     started = time.monotonic()
     chaos = Chaos(folder / "all", chosen.seed, dask=not chosen.no_dask)
     try:
         with chaos:
-            chaos.rounds(chosen.rounds)
+            chaos.rounds(chosen.rounds, lambda this: print(this, flush=True))
     finally:
         print(chaos.summary(), flush=True)
         print(f"{len(chaos.told)} rounds in {time.monotonic() - started:.0f} s; {folder}")

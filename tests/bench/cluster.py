@@ -96,7 +96,7 @@ class Meter:
 
 @contextmanager
 def namespaces(count: int) -> Iterator[tuple[list[list[str]], str]]:
-    """Words before a command for each of some namespaces on a bridge, and the address of the first."""
+    """Words before a command for each namespace, and the first one's address on their bridge."""
     mark = f"am{os.getpid() % 10000}"
     names = [f"{mark}n{number}" for number in range(count)]
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import socket
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 DASK = Path(sys.executable).with_name("dask")
@@ -25,6 +26,7 @@ class Cluster:
         workers: how many.
         wrap: words before each command: of the scheduler, then of each worker.
         host: where the scheduler listens.
+        nanny: let each worker be looked after by a nanny.
     """
 
     def __init__(
@@ -35,6 +37,7 @@ class Cluster:
         workers: int = 2,
         wrap: Sequence[Sequence[str]] = (),
         host: str = "127.0.0.1",
+        nanny: bool = False,
     ) -> None:
         self.folder = folder
         folder.mkdir(parents=True, exist_ok=True)
@@ -47,9 +50,10 @@ class Cluster:
         own = f"--host {host} --port {port} --no-dashboard".split()
         self._commands = [["scheduler", *own]]
         for number in range(1, workers + 1):
-            own = f"{self.address} --nworkers 1 --nthreads 1 --no-dashboard --no-nanny".split()
-            place = ["--local-directory", str(folder / str(number))]
-            self._commands.append(["worker", *own, *place])
+            own = f"{self.address} --nworkers 1 --nthreads 1 --no-dashboard".split()
+            own += ["--nanny" if nanny else "--no-nanny"]
+            own += ["--local-directory", str(folder / str(number))]
+            self._commands.append(["worker", *own])
         self.parts: list[subprocess.Popen[bytes] | None] = [None] * (workers + 1)
 
     def __enter__(self) -> Cluster:
@@ -99,6 +103,24 @@ class Cluster:
             for part in self.parts[1:]
             if part is not None and part.poll() is None
         )
+
+
+@contextmanager
+def cluster_here() -> Iterator[str]:
+    """Address of a scheduler that has one worker with two threads, all in this process."""
+    from distributed import LocalCluster
+
+    with LocalCluster(
+        n_workers=1,
+        threads_per_worker=2,
+        processes=False,
+        protocol="tcp://",
+        dashboard_address=":0",
+        scheduler_kwargs={"dashboard": False},
+        memory_limit=0,
+        silence_logs=logging.CRITICAL,
+    ) as cluster:
+        yield cluster.scheduler_address
 
 
 def children(process: int) -> list[int]:
