@@ -97,6 +97,7 @@ def test_a_worker_that_sees_other_files_is_refused(
     address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(crew, "SEEN_WITHIN_S", 0.0)
+    monkeypatch.setattr(crew, "code_digest", lambda folder="": "not asked for yet")
     monkeypatch.setattr(crew, "_sees", lambda path, digest: path != str(tmp_path / "job.toml"))
     (tmp_path / "job.toml").touch()
     (tmp_path / "store").mkdir()

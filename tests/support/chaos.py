@@ -12,10 +12,12 @@ import random
 import resource
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
@@ -49,12 +51,11 @@ def chaotic_job(folder: Path) -> SmallJob:
             "dialogue": {"root": "dialogue"},
             "align": {"aligner": "chaotic"},
             "model": {"name": "flap"},
-            "characters.ada": {"asset": "ada.glb", "layout": "per-line"},
-            "characters.crab": {"asset": "crab.glb", "rig": "crab.rig.toml"},
+            "characters.crab": {"asset": "crab.glb", "rig": "crab.rig.toml", "layout": "per-line"},
         },
     )
     folder.mkdir(parents=True)
-    for name in ("ada.glb", "crab.glb", "crab.rig.toml"):
+    for name in ("crab.glb", "crab.rig.toml"):
         job.asset(name)
     for number, line in enumerate(LINES):
         audio = job.line(line, like=line)
@@ -159,7 +160,7 @@ class Chaos:
         """One run that something happens to, and one that nothing does."""
         chance = this.chance
         if chance.random() < 0.7:
-            shutil.rmtree(self.cache, ignore_errors=True)
+            self._forget()
         shutil.rmtree(self.job.output, ignore_errors=True)
         options, output = self._places(this)
         if this.fault == "damage":
@@ -228,12 +229,22 @@ class Chaos:
     @cached_property
     def _room(self) -> Mapping[str, int]:
         """Bytes that an undisturbed run's store and output take on a disk."""
-        shutil.rmtree(self.cache, ignore_errors=True)
+        self._forget()
         self._run("inline")
         used = {"store": _room(self.cache / "store"), "output": _room(self.job.output)}
-        shutil.rmtree(self.cache)
+        self._forget()
         shutil.rmtree(self.job.output)
         return used
+
+    def _forget(self) -> None:
+        """Empty the store and its index, but for what takes long and says nothing of lines."""
+        shutil.rmtree(self.cache / "store", ignore_errors=True)
+        for path in (self.cache / "index").glob("*.sqlite"):
+            with closing(sqlite3.connect(path)) as index, index:
+                index.execute(
+                    "DELETE FROM notes WHERE key NOT LIKE 'imports:%' "
+                    "AND key NOT LIKE 'brought-by:%'"
+                )
 
     def _enlarge(self) -> None:
         if self.can_mount:
@@ -286,14 +297,13 @@ class Chaos:
             start_new_session=True,
             preexec_fn=self._limited if full and not self.can_mount else None,
         ) as process:
-            if this is not None:
-                self._disturb(this, process)
-            until = time.monotonic() + LIMIT_S
-            err = b""
-            while executor == "dask" and process.poll() is None and time.monotonic() < until:
-                self.cluster.revive()
-                time.sleep(0.1)
             try:
+                if this is not None:
+                    self._disturb(this, process)
+                until = time.monotonic() + LIMIT_S
+                while executor == "dask" and process.poll() is None and time.monotonic() < until:
+                    self.cluster.revive()
+                    time.sleep(0.1)
                 _, err = process.communicate(timeout=LIMIT_S)
             finally:
                 process.kill()

@@ -33,6 +33,7 @@ class Batch:
         waiting: indices of tasks that are not under way.
         sent: key of a chunk → indices of its tasks, and its future.
         left: how many tasks have no result.
+        excused: keys of chunks whose worker was not fit, which is no fault of their tasks.
         forgotten: a scheduler says that it knows nothing of a chunk.
         count: of chunks so far.
         turn: tells what is heard of this call from what is heard of others.
@@ -45,6 +46,7 @@ class Batch:
     waiting: deque[int] = field(init=False)
     sent: dict[str, tuple[list[int], Future | None]] = field(default_factory=dict)
     left: int = field(init=False)
+    excused: set[str] = field(default_factory=set)
     forgotten: bool = False
     count: int = 0
     turn: str = field(default_factory=lambda: secrets.token_hex(4))
@@ -84,7 +86,8 @@ class Batch:
         if status in ("cancelled", "lost"):
             self.forgotten = True
         self.waiting.extendleft(reversed(lacking))
-        if len(lacking) < len(indices) or status not in ("error", "finished"):
+        innocent = key in self.excused or status not in ("error", "finished")
+        if innocent or len(lacking) < len(indices):
             return None
         first = lacking[0]
         # Dask itself sends a chunk whose worker died to another, three times.

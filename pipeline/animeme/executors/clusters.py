@@ -6,6 +6,7 @@ import logging
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 
 from animeme.errors import InputError
 
@@ -35,13 +36,13 @@ def require_distributed() -> None:
 @contextmanager
 def silence() -> Iterator[None]:
     """Keep Dask's log to itself: what matters of it becomes an error of ours."""
-    logger = logging.getLogger("distributed")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
+    logger = logging.getLogger("distributed")  # its parts have levels of their own
+    before = logger.handlers, logger.propagate
+    logger.handlers, logger.propagate = [logging.NullHandler()], False
     try:
         yield
     finally:
-        logger.setLevel(level)
+        logger.handlers, logger.propagate = before
 
 
 @contextmanager
@@ -55,7 +56,9 @@ def local_cluster(workers: int) -> Iterator[str]:
         "distributed.worker.profile.enabled": False,
     }
     with dask.config.set(settings):
-        # Ctrl-C is ours to handle: threads and processes that are started now do not see it.
+        # Ctrl-C is ours to handle: threads and processes that are started now do not see it. (The
+        # tracker first: where it is started, it lets the signal through again.)
+        resource_tracker.ensure_running()
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             cluster = LocalCluster(

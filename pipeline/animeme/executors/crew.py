@@ -197,7 +197,7 @@ def work(chunk: Chunk) -> None:
     with _PROCESSES.one(run) as pool, _watched(worker, run, pool):
         found = _PROCESSES.misfit(chunk.terms, pool)
         if found is not None:
-            tell(misfit=pickle.dumps(found))
+            tell(misfit=pickle.dumps(found), chunk=worker.get_current_task())
             return
         for results, cpu_s in _together(chunk, pool):
             tell(results=pickle.dumps(results), cpu_s=cpu_s)

@@ -128,6 +128,7 @@ class DaskExecutor:
                     self.cpu_s += message.get("cpu_s", 0.0)
                     yield from batch.fresh(pickle.loads(message.get("results", _NOTHING)))
                     if "misfit" in message:
+                        batch.excused.add(message["chunk"])
                         self._exclude(message["worker"], pickle.loads(message["misfit"]))
             if batch.forgotten or self._connected().status != "running":
                 self._reconnect(batch)
