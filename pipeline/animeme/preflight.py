@@ -23,6 +23,7 @@ from animeme.gathering import gather
 from animeme.job import Job, check_job
 from animeme.plan import REPORT_NAMES, Plan
 from animeme.side_cars import with_side_cars
+from animeme.spool import sweep_hidden
 from animeme.store.keys import key_of
 from animeme.store.memory import Memory
 from animeme.tasks import Target
@@ -352,7 +353,9 @@ def _resolved(paths: Iterable[Path]) -> set[str]:
 def stale_outputs(plan: Plan, fresh: Collection[str]) -> Iterator[Finding]:
     """A warning for each file of an earlier run that this one would have written, but did not."""
     output = str(plan.job.output)
-    left = {path for path in _files_below(output) if path not in fresh}
+    hidden: list[str] = []
+    left = {path for path in _files_below(output, hidden) if path not in fresh}
+    sweep_hidden(plan.job.output, hidden)
     left -= {os.path.join(output, name) for name in REPORT_NAMES}
     for path in map(str, plan.possible_files() if left else ()):
         if path in left:
@@ -365,14 +368,14 @@ def stale_outputs(plan: Plan, fresh: Collection[str]) -> Iterator[Finding]:
             )
 
 
-def _files_below(folder: str) -> Iterator[str]:
-    """Paths of the files below a folder; there may be as many as lines."""
+def _files_below(folder: str, hidden: list[str]) -> Iterator[str]:
+    """Paths of the files below a folder; there may be as many as lines. Takes hidden ones apart."""
     with os.scandir(folder) as found:
         for entry in found:
             if entry.name.startswith("."):
-                continue  # the run's own spool
-            if entry.is_dir(follow_symlinks=False):
-                yield from _files_below(entry.path)
+                hidden.append(entry.path)
+            elif entry.is_dir(follow_symlinks=False):
+                yield from _files_below(entry.path, hidden)
             elif entry.is_file():
                 yield entry.path
 
