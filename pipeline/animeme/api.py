@@ -13,6 +13,7 @@ from animeme.contracts import Alignment, Model, Spoken
 from animeme.dialogue import Line
 from animeme.errors import InputError
 from animeme.executors import Executor, choice
+from animeme.executors.crew import code_of
 from animeme.files import scratch_beside
 from animeme.findings import RunReport, Severity
 from animeme.job import Job, read_job
@@ -98,6 +99,7 @@ def run(
             scheduler,
             sees=_inputs(form),
             marks=_marks(form, remembered) if executor == "dask" else (),
+            code=lambda: code_of(remembered.code),
         ) as chosen,
     ):
         return work(chosen, remembered)

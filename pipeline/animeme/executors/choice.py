@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal, get_args
@@ -39,6 +39,7 @@ def opened(
     *,
     sees: Sequence[Path] = (),
     marks: Sequence[Path] = (),
+    code: Callable[[], str] | None = None,
 ) -> Iterator[Executor]:
     """The executor called `kind`, for one piece of work.
 
@@ -48,6 +49,7 @@ def opened(
         scheduler: address of a Dask scheduler, None for a cluster of this machine's own.
         sees: paths that workers on other machines must see.
         marks: names of files to put where they must see them, for as long as they work.
+        code: gives the digest of the code that they must have; None looks it up.
     """
     count = workers or default_workers()
     if kind == "inline":
@@ -58,7 +60,7 @@ def opened(
     else:
         from animeme.executors.dask import DaskExecutor  # takes its time
 
-        with DaskExecutor(scheduler, count, sees=sees, marks=marks) as cluster:
+        with DaskExecutor(scheduler, count, sees=sees, marks=marks, code=code) as cluster:
             yield cluster
 
 

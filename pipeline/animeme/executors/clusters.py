@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import logging
-import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
-from multiprocessing import resource_tracker
 
 from animeme.errors import InputError
+from animeme.executors.local import uninterrupted
 
 
 def lost() -> tuple[type[BaseException], ...]:
@@ -56,11 +55,7 @@ def local_cluster(workers: int) -> Iterator[str]:
         "distributed.worker.profile.enabled": False,
     }
     with dask.config.set(settings):
-        # Ctrl-C is ours to handle: threads and processes that are started now do not see it. (The
-        # tracker first: where it is started, it lets the signal through again.)
-        resource_tracker.ensure_running()
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
+        with uninterrupted():  # Ctrl-C is ours to handle
             cluster = LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
@@ -70,8 +65,6 @@ def local_cluster(workers: int) -> Iterator[str]:
                 memory_limit=0,
                 silence_logs=logging.CRITICAL + 1,
             )
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         try:
             yield cluster.scheduler_address
         finally:

@@ -27,6 +27,8 @@ from animeme.executors.local import LocalExecutor
 if TYPE_CHECKING:
     from distributed import Worker
 
+    from animeme.store.code import CodeDigests
+
 # A mark that the driver has just made may take so long to appear on a network file system.
 SEEN_WITHIN_S = 5.0
 # Results travel together that come within this time.
@@ -317,14 +319,20 @@ def _sees(path: str, digest: str) -> bool:
 
 def code_digest(folder: str = "") -> str:
     """Digest of animeme, of all plug-ins and of the libraries that they use, as installed here."""
-    from animeme import registry
     from animeme.store.code import CodeDigests
     from animeme.store.digests import Digests
     from animeme.store.index import Index, index_path, user_cache
 
     if folder and os.getcwd() != folder:
         os.chdir(folder)  # where modules may be as well
-    plugins = [p for group in registry.GROUPS for p in registry.plugins(group).values()]
     # What modules import is remembered on each machine.
     with Index(index_path(user_cache() / "code")) as index:
-        return CodeDigests(index, Digests(index)).of(plugins, *_ENGINE)
+        return code_of(CodeDigests(index, Digests(index)))
+
+
+def code_of(digests: CodeDigests) -> str:
+    """As `code_digest`, with digests that are there already."""
+    from animeme import registry
+
+    plugins = [p for group in registry.GROUPS for p in registry.plugins(group).values()]
+    return digests.of(plugins, *_ENGINE)

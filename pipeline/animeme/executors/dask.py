@@ -15,7 +15,7 @@ import pickle
 import queue
 import secrets
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -47,6 +47,7 @@ class DaskExecutor:
         workers: how many that one has.
         sees: paths that every worker must see; of files, with the same content.
         marks: names of files to put where every worker must see them, for the length of a run.
+        code: gives the digest that the code of every worker must have; None looks it up.
         patience_s: how long to wait for a scheduler or a worker to come, or to come back.
     """
 
@@ -57,6 +58,7 @@ class DaskExecutor:
         *,
         sees: Sequence[Path] = (),
         marks: Sequence[Path] = (),
+        code: Callable[[], str] | None = None,
         patience_s: float = PATIENCE_S,
     ) -> None:
         self.scheduler = scheduler
@@ -66,7 +68,7 @@ class DaskExecutor:
         self.patience_s = patience_s
         self.cpu_s = 0.0
         self._run = secrets.token_hex(8)
-        self._code = ""
+        self._code_of, self._code = code, ""
         self._keeps = False
         self._open = ExitStack()
         self._address = scheduler or ""
@@ -294,7 +296,7 @@ class DaskExecutor:
     def _terms(self) -> Iterator[crew.Terms]:
         """What workers are asked to see, put in place for as long as they are."""
         if not self._code:
-            self._code = crew.code_digest()
+            self._code = (self._code_of or crew.code_digest)()
         seen = [(os.path.abspath(path), _digest(path)) for path in self.sees]
         made = [mark for mark in self.marks if mark.parent.is_dir()]
         try:

@@ -17,6 +17,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, Self
@@ -140,7 +141,7 @@ class LocalExecutor:
         children = self._children
         while not self._stopped.is_set() and (waiting or any(child.task for child in children)):
             busy = sum(child.task is not None for child in children)
-            with _single_threaded():
+            with _single_threaded(), uninterrupted():
                 while len(children) < min(self.workers, busy + len(waiting)):
                     children.append(_Child(multiprocessing.get_context("spawn")))
             if self._stopped.is_set():
@@ -164,6 +165,17 @@ class LocalExecutor:
         for child in self._children:
             child.end()
         self._children.clear()
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Start processes and threads that Ctrl-C does not reach; this one hears of it afterwards."""
+    resource_tracker.ensure_running()  # where it is started, it lets the signal through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -253,7 +265,6 @@ def _serve(pipe: Connection) -> None:
     """Run in the child: one task after another until the parent's end of the pipe closes."""
     # Standard output is the driver's, for --json; what plug-ins print is for people.
     os.dup2(2, 1)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the driver's to handle
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         while True:
