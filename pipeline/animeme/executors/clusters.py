@@ -35,13 +35,16 @@ def require_distributed() -> None:
 @contextmanager
 def silence() -> Iterator[None]:
     """Keep Dask's log to itself: what matters of it becomes an error of ours."""
-    logger = logging.getLogger("distributed")  # its parts have levels of their own
-    before = logger.handlers, logger.propagate
-    logger.handlers, logger.propagate = [logging.NullHandler()], False
+    found = [logging.getLogger(name) for name in [*logging.root.manager.loggerDict, "distributed"]]
+    own = [logger for logger in found if logger.name.partition(".")[0] == "distributed"]
+    before = [(logger, logger.handlers, logger.propagate) for logger in own]
+    for logger in own:  # some of its parts have handlers of their own
+        logger.handlers, logger.propagate = [logging.NullHandler()], False
     try:
         yield
     finally:
-        logger.handlers, logger.propagate = before
+        for logger, handlers, propagate in before:
+            logger.handlers, logger.propagate = handlers, propagate
 
 
 @contextmanager
