@@ -15,6 +15,7 @@ from animeme.executors import crew
 from support.clusters import Cluster, cluster_here
 from support.jobs import Capture, SmallJob, console, digests, small_job
 from support.jobs import animeme as command
+from support.patience import patience
 
 pytest.importorskip("distributed")
 
@@ -147,3 +148,22 @@ def test_a_cluster_of_this_machine_does_the_same(tmp_path: Path) -> None:
     assert (ran.code, "Traceback" in ran.err) == (0, False)
     assert console("run", job.file, "--no-cache", "--output", tmp_path / "local").code == 0
     assert results(job, job.output) == results(job, tmp_path / "local")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("part", "code"), [(0, "scheduler-away"), (1, "worker-away")])
+def test_when_nobody_comes_back_a_run_says_how_far_it_came(
+    part: int, code: str, tmp_path: Path
+) -> None:
+    env = {"PYTHONPATH": str(Path(__file__).parent)}
+    with Cluster(tmp_path, env, workers=1) as cluster, patience(120):
+        executor = DaskExecutor(cluster.address, patience_s=20.0)
+        items = ["good", "good", "long"]
+        run = executor.run("support.work:hang", items, timeout_s=600, retries=0)
+        assert [next(run).value, next(run).value] == ["good", "good"]
+        cluster.kill(part)
+        with pytest.raises(InputError) as lost:
+            next(run)
+    assert (lost.value.code, lost.value.place) == (code, cluster.address)
+    assert "for 20 s" in lost.value.problem
+    assert "2 of 3 tasks are done; run again" in lost.value.action
