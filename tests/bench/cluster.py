@@ -5,7 +5,8 @@ network namespace of its own, joined by a bridge. Lines are those of ``../shared
 copies of them, each cut to its first four words (about a second) and by some samples, so that every
 one has content of its own. Real stages: PocketSphinx and the shipped model, on the sample's crab.
 CPU-seconds are those of all processes that take part, user and system, from the kernel's counts.
-The cluster has been started before, and has looked through the code once, for the first run.
+The cluster has been started before, and its machine has looked through the code once, which costs
+it 1.5 CPU-seconds per version.
 
     python tests/bench/cluster.py --lines 1000
 """
@@ -64,14 +65,20 @@ class Meter:
 
     def __init__(self) -> None:
         self._seen: dict[tuple[int, int], float] = {}
+        self._first: dict[tuple[int, int], float] = {}
+        self._names: dict[int, str] = {}
         self._over = threading.Event()
         self._roots: list[int] = []
         self._thread = threading.Thread(target=self._watch, daemon=True)
         self._thread.start()
 
-    def add(self, *roots: int) -> None:
-        """Count these processes too, from now on."""
-        self._roots += roots
+    def add(self, name: str, root: int, *, spent: bool = False) -> None:
+        """Count this process too, from now on; with `spent`, not what it has used already."""
+        self._names[root] = name
+        self._roots.append(root)
+        if spent:
+            self.look()
+            self._first = dict(self._seen)
 
     def _watch(self) -> None:
         while not self._over.wait(0.25):
@@ -92,7 +99,16 @@ class Meter:
     @property
     def cpu_s(self) -> float:
         """Seconds so far."""
-        return sum(self._seen.values())
+        return sum(self._seen.values()) - sum(self._first.values())
+
+    @property
+    def parts(self) -> str:
+        """Seconds so far of each that was named, and of what they started."""
+        found: dict[str, float] = {}
+        for process, seconds in self._seen.items():
+            name = self._names.get(process[0], "their processes")
+            found[name] = found.get(name, 0.0) + seconds - self._first.get(process, 0.0)
+        return ", ".join(f"{name} {seconds:.1f}" for name, seconds in found.items())
 
     def end(self) -> None:
         """Stop counting."""
@@ -153,10 +169,11 @@ def local(folder: Path, env: dict[str, str]) -> tuple[float, float]:
     meter = Meter()
     started = time.perf_counter()
     process = animeme(folder, env, "--workers", "2", "--output", str(folder / "local"))
-    meter.add(process.pid)
+    meter.add("driver", process.pid)
     finished(process)
     wall_s = time.perf_counter() - started
     meter.end()
+    print(f"  CPU-seconds: {meter.parts}")
     return wall_s, meter.cpu_s
 
 
@@ -165,14 +182,13 @@ def dask(
 ) -> tuple[float, float, int]:
     """Wall and CPU seconds on a cluster that is there, and the lines when a worker was killed."""
     meter = Meter()
-    meter.add(*(cluster.process(number) for number in range(3)))
-    meter.look()
-    before = meter.cpu_s
+    for number, part in enumerate(("scheduler", "worker", "worker")):
+        meter.add(part, cluster.process(number), spent=True)
     started = time.perf_counter()
     output = folder / name
     options = ("--executor", "dask", "--scheduler", cluster.address, "--output", str(output))
     process = animeme(folder, env, *options)
-    meter.add(process.pid)
+    meter.add("driver", process.pid)
     at = 0
     if kill:
         wait_for(lambda: done(output) >= lines / 2 or process.poll() is not None, 3600)
@@ -181,7 +197,8 @@ def dask(
     finished(process)
     wall_s = time.perf_counter() - started
     meter.end()
-    return wall_s, meter.cpu_s - before, at
+    print(f"  CPU-seconds: {meter.parts}")
+    return wall_s, meter.cpu_s, at
 
 
 def compare(folder: Path, names: Sequence[str]) -> str:
@@ -227,6 +244,8 @@ def main() -> None:
         cluster = stack.enter_context(
             Cluster(folder / "cluster", env_of("workers"), wrap=wrap, host=host)
         )
+        digest = "from animeme.executors.crew import code_digest; code_digest()"
+        subprocess.run([sys.executable, "-c", digest], env=cluster.env, check=True)
         print(f"scheduler {cluster.address} and two workers of one thread, {where}")
         time.sleep(SETTLE_S)
         lines = chosen.lines

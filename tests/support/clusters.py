@@ -14,7 +14,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 DASK = Path(sys.executable).with_name("dask")
-START_S = 60.0
+# What Dask does beside its work, as docs/batch.md has it.
+THRIFTY = {
+    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+}
 
 
 class Cluster:
@@ -41,7 +45,7 @@ class Cluster:
     ) -> None:
         self.folder = folder
         folder.mkdir(parents=True, exist_ok=True)
-        self.env = {**os.environ, "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False", **env}
+        self.env = {**os.environ, **THRIFTY, **env}
         self._wrap = [*wrap, *[()] * (workers + 1)][: workers + 1]
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))

@@ -56,6 +56,7 @@ def local_cluster(workers: int) -> Iterator[str]:
     settings = {
         "distributed.worker.daemon": False,  # they start processes
         "distributed.worker.profile.enabled": False,
+        "distributed.admin.tick.interval": "1s",
     }
     with dask.config.set(settings):
         with uninterrupted():  # Ctrl-C is ours to handle
