@@ -36,7 +36,7 @@ TOGETHER_S = 0.2
 # How often a chunk asks whether anybody still waits for it.
 ASK_EVERY_S = 0.25
 # Processes of a run whose driver is silent for so long have ended by themselves.
-IDLE_S = 60.0
+IDLE_S = 15.0
 CODE_TIMEOUT_S = 300.0
 # What a run calls, besides plug-ins.
 _ENGINE = ("animeme.tasks", "animeme.writing", "animeme.preflight")
