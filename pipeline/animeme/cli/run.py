@@ -110,9 +110,14 @@ def command(
 
 def end_run(report: RunReport, folder: Path, where: str, as_json: bool) -> int:
     """Tell people and programs how a run ended; gives the exit code."""
-    _show((folder / "summary.md").read_text(encoding="utf-8"))
+    summary = folder / "summary.md"
+    if summary.is_file():
+        _show(summary.read_text(encoding="utf-8"))
+    else:  # there was no room even for that
+        for finding in report.findings[:MOST_SHOWN]:
+            click.echo(str(finding), err=True)
     click.echo(f"{effort_of(report, where)} Everything is in {folder}.", err=True)
-    if as_json:
+    if as_json and (folder / "report.json").is_file():
         document = json.loads((folder / "report.json").read_text(encoding="utf-8"))
         click.echo(
             json.dumps(
