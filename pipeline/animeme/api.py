@@ -119,7 +119,7 @@ def run(
 def _uncollected(executor: choice.Kind) -> Iterator[None]:
     """No search for cycles meanwhile: the engine makes none, and it takes half of a re-run's time.
 
-    What stages of plug-ins make, is in other processes; with the inline executor all stays as it is.
+    What plug-ins make is in other processes; with the inline executor all stays as it is.
     """
     was = gc.isenabled() and executor != "inline"
     if was:
