@@ -347,7 +347,7 @@ def _edited_source(document: dict[str, Any], _: bytearray, chance: random.Random
         node = chance.choice([n for n in document["nodes"] if "mesh" in n])
         node["translation"] = [0.0, chance.uniform(0.01, 0.1), 0.0]
     else:
-        chance.choice(document["materials"])["alphaMode"] = "BLEND"
+        chance.choice(document["materials"])["alphaMode"] = "MASK"
 
 
 def _animation(stage: Usd.Stage, chance: random.Random) -> Usd.Attribute:

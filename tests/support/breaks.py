@@ -383,7 +383,7 @@ BREAKS: Mapping[str, Break] = {
     "recording-changed": _break(_other_take),
     "rig-incomplete": _break(_stored(_keep_names(NAMES[:8]))),
     "rig-unknown": _break(_stored(_keep_names(()))),
-    "shape-pops": _break(_curves(shapes(cheekPuff={0.0: 0.0, 0.5: 0.0, 0.533: 0.5, 0.566: 0.0}))),
+    "shape-pops": _break(_curves(shapes(cheekPuff={0.0: 0.0, 0.5: 0.0, 0.533: 0.55, 0.566: 0.0}))),
     "shape-too-fast": _break(_curves(shapes(cheekPuff={0.0: 0.0, 0.5: 0.0, 0.51: 0.9, 1.6: 0.0}))),
     "shapes-conflict": _break(_curves(shapes(mouthClose={0.0: 0.0, 0.8: 0.9, 1.6: 0.0}))),
     "shapes-missing": _break(_limited('[limits.rig-shapes]\nrequired = ["jawOpen", "snout"]')),

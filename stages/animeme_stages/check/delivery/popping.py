@@ -31,7 +31,7 @@ class Popping:
         ),
     }
     limits: ClassVar[Mapping[str, LimitSpec]] = {
-        "most": LimitSpec(0.22, "how far a frame may stick out of its neighbours, weight units"),
+        "most": LimitSpec(0.25, "how far a frame may stick out of its neighbours, weight units"),
         "frame_s": LimitSpec(0.0167, "length of a frame, seconds"),
     }
 
