@@ -65,7 +65,7 @@ def deliver(folder: Path, source: Path) -> Good:
     asset = job.output / "en" / f"hero{source.suffix}"
     for found in (job.output / "alignments" / "en").glob("*.json"):
         shutil.copy(found, job.dialogue / "en")
-    _translate(job, asset)
+    _translate(job, source, asset)
     one = folder / "one"
     (one / "en").mkdir(parents=True)
     for file in job.dialogue.glob(f"{LINE}.*"):
@@ -73,7 +73,7 @@ def deliver(folder: Path, source: Path) -> Good:
     return Good(job.output, asset, folder / source.name, job.dialogue, one)
 
 
-def _translate(job: SmallJob, asset: Path) -> None:
+def _translate(job: SmallJob, source: Path, asset: Path) -> None:
     """German, as it looks in English: no second aligner is loaded."""
     shutil.copytree(job.dialogue / "en", job.dialogue / "de")
     for file in (job.dialogue / "de").glob("*.json"):
@@ -86,7 +86,7 @@ def _translate(job: SmallJob, asset: Path) -> None:
     ]
     target = job.output / "de" / asset.name
     target.parent.mkdir()
-    form.write(form.load(job.folder / asset.name), lines, target)
+    form.write(form.load(source), lines, target)
 
 
 def tiny_head(path: Path) -> Path:
