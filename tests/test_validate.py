@@ -192,12 +192,12 @@ def test_the_command(sound: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     asset = with_curves(
         sound / "en" / "hero.glb",
         tmp_path / "hero.glb",
-        shapes(cheekPuff={0.0: 0.0, 0.8: 1.4, 1.6: 0.0}),
+        shapes(mouthShrugUpper={0.0: 0.0, 0.8: 1.4, 1.6: 0.0}),
         source=sound.parent / "hero.glb",
     )
     ran = animeme(capsys, "validate", asset, "--json", "--fail-on", "warning")
     assert ran.code == 1
-    ran.says("weight-out-of-range", "cheekPuff", "1 warnings")
+    ran.says("weight-out-of-range", "mouthShrugUpper", "1 warnings")
     report = tmp_path / "report.json"
     report.write_text(ran.out, encoding="utf-8")
     (finding,) = json.loads(ran.out)["files"][0]["findings"]

@@ -2,7 +2,7 @@
 
     python tests/bench/validate_speed.py [--count 1000]
 
-Each is a head of one triangle with 27 shapes and one line. Node is taken from the path, as the
+Each is a head of one triangle with the shapes that speak, and one line. Node is not asked, as the
 Khronos validator's cost is its own.
 """
 

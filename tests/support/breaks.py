@@ -325,6 +325,13 @@ def _scaled(by: float) -> Curves:
     return lambda c: CurveSet(c.times_s, c.names, c.weights * by)
 
 
+def _one_side(curves: CurveSet) -> CurveSet:
+    """Of a shape that moves on both sides only the left side moves."""
+    left = next(n for n in curves.names if n.endswith(("Left", "_L")) and "Stretch" in n)
+    right = left.replace("Left", "Right").replace("_L", "_R")
+    return shapes(**{left: SLOW, right: {0.0: 0.0}})(curves)
+
+
 def _first_key(by_s: float) -> Curves:
     return lambda c: CurveSet(c.times_s + by_s, c.names, c.weights)
 
@@ -347,6 +354,8 @@ def _garbage(good: Good, folder: Path, broken: bool) -> Case:
 
 PROP = glb(face(meshes=[{"primitives": [{"attributes": {}}]}]))
 SLOW = {0.0: 0.0, 0.8: 0.4, 1.6: 0.0}
+TWITCH = {0.0: 0.0, 0.5: 0.0, 0.533: 0.55, 0.566: 0.0}
+JUMP = {0.0: 0.0, 0.5: 0.0, 0.51: 0.9, 1.6: 0.0}
 
 
 def _break(make: Callable[[Good, Path, bool], Case], also: str = "") -> Break:
@@ -366,8 +375,8 @@ BREAKS: Mapping[str, Break] = {
     "asset-unreadable": _break(_garbage),
     "asset-unusable": _break(_content("hero.fbx", b"Kaydara FBX Binary")),
     "bilabials-open": _break(_heard(opening(lambda t, jaw: 0.3 + 0.4 * jaw))),
-    "curve-stuck": _break(_curves(shapes(cheekPuff={0.0: 0.5}))),
-    "curves-alike": _break(_curves(shapes(cheekPuff=SLOW, browInnerUp=SLOW))),
+    "curve-stuck": _break(_curves(shapes(mouthShrugUpper={0.0: 0.5}))),
+    "curves-alike": _break(_curves(shapes(mouthShrugUpper=SLOW, jawForward=SLOW))),
     "delivery-flat": _break(_heard(opening(lambda t, jaw: jaw * 0.07))),
     "file-kind-refused": _break(_limited('[limits.file-kind]\nsuffixes = [".vrm"]')),
     "file-too-large": _break(_limited("[limits.file-size]\nmost_mib = 0.001")),
@@ -381,13 +390,13 @@ BREAKS: Mapping[str, Break] = {
     "line-missing": _break(_ordered),
     "line-surplus": _break(_unasked),
     "recording-changed": _break(_other_take),
-    "rig-incomplete": _break(_stored(_keep_names(NAMES[:8]))),
-    "rig-unknown": _break(_stored(_keep_names(()))),
-    "shape-pops": _break(_curves(shapes(cheekPuff={0.0: 0.0, 0.5: 0.0, 0.533: 0.55, 0.566: 0.0}))),
-    "shape-too-fast": _break(_curves(shapes(cheekPuff={0.0: 0.0, 0.5: 0.0, 0.51: 0.9, 1.6: 0.0}))),
+    "rig-incomplete": _break(_stored(_keep_names(NAMES[:8])), "curves-alike"),
+    "rig-unknown": _break(_stored(_keep_names(())), "curves-alike"),
+    "shape-pops": _break(_curves(shapes(mouthShrugUpper=TWITCH))),
+    "shape-too-fast": _break(_curves(shapes(mouthShrugUpper=JUMP))),
     "shapes-conflict": _break(_curves(shapes(mouthClose={0.0: 0.0, 0.8: 0.9, 1.6: 0.0}))),
     "shapes-missing": _break(_limited('[limits.rig-shapes]\nrequired = ["jawOpen", "snout"]')),
-    "sides-differ": _break(_curves(shapes(mouthDimpleLeft=SLOW))),
+    "sides-differ": _break(_curves(_one_side)),
     "silence-moving": _break(_in_silence),
     "source-changed": _break(_against_source),
     "speech-mouth-closed": _break(_heard(opening(_silenced)), UNRELATED),
@@ -398,7 +407,7 @@ BREAKS: Mapping[str, Break] = {
     "times-not-increasing": _break(_stored(put_float("input", 2, 0.0))),
     "usd-invalid": _break(_without_default),
     "vowels-closed": _break(_at_phones("AA AE AH AO AW AY", 0.0), UNRELATED),
-    "weight-out-of-range": _break(_curves(shapes(cheekPuff={0.0: 0.0, 0.8: 1.4, 1.6: 0.0}))),
+    "weight-out-of-range": _break(_curves(shapes(mouthShrugUpper={0.0: 0.0, 0.8: 1.4, 1.6: 0.0}))),
     "weights-count": _break(_stored(_fewer)),
     "weights-not-finite": _break(_stored(put_float("output", 3, float("nan")))),
 }  # fmt: skip

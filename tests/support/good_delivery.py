@@ -20,10 +20,9 @@ from support.jobs import SmallJob
 NAMES = (
     "jawOpen", "jawForward", "jawLeft", "jawRight", "mouthClose", "mouthFunnel", "mouthPucker",
     "mouthLeft", "mouthRight", "mouthSmileLeft", "mouthSmileRight", "mouthStretchLeft",
-    "mouthStretchRight", "mouthDimpleLeft", "mouthDimpleRight", "mouthRollLower", "mouthRollUpper",
+    "mouthStretchRight", "mouthRollLower", "mouthRollUpper",
     "mouthShrugLower", "mouthShrugUpper", "mouthPressLeft", "mouthPressRight",
     "mouthLowerDownLeft", "mouthLowerDownRight", "mouthUpperUpLeft", "mouthUpperUpRight",
-    "cheekPuff", "browInnerUp",
 )  # fmt: skip
 LINE, SECOND = "en/boat", "en/five"
 
