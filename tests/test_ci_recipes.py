@@ -24,6 +24,7 @@ def run_step() -> str:
     return textwrap.dedent(text.rpartition("run: |\n")[2])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash")
 def test_the_script_of_the_action(tiny: Good, tmp_path: Path) -> None:
     broken = tmp_path / "in two words" / "broken.glb"
