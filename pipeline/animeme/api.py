@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -21,6 +22,7 @@ from animeme.preflight import dialogue_of
 from animeme.rehearsal import Rehearsal
 from animeme.rig import Character
 from animeme.runner import Listener, Shard, run_job, run_shard
+from animeme.selection import EVERYTHING, Selection
 from animeme.steps import Means, align_speech
 from animeme.store.memory import Memory, default_store, memory
 from animeme.voices import VoicesReport
@@ -39,6 +41,7 @@ def run(
     rehash: bool = False,
     shard: str | None = None,
     listener: Listener = lambda _: None,
+    selection: Selection = EVERYTHING,
 ) -> RunReport:
     """Run a job file: characters and dialogue in, animated assets out.
 
@@ -56,6 +59,9 @@ def run(
         shard: "I/N" does the I-th of N parts of the lines, for the store alone; a run without it,
             with the same store, then writes the files.
         listener: told of progress.
+        selection: the lines that are wanted, see `animeme.Selection`. Files that hold one of them
+            are written, with all their lines; lines that nobody asked for are as they were
+            delivered last. All other files stay as they are.
 
     Returns:
         The report that is also written to the output folder.
@@ -63,7 +69,7 @@ def run(
     Raises:
         JobError: the job cannot be run; all reasons at once.
         PluginError: a plug-in that it needs cannot be loaded.
-        InputError: the output folder cannot be written.
+        InputError: the output folder cannot be written, or the selection fits no line.
         ValueError: an argument is none of those that are listed.
 
     Example:
@@ -83,9 +89,10 @@ def run(
         form = replace(form, speak=True)
 
     def work(chosen: Executor, remembered: Memory) -> RunReport:
-        if part is not None:
-            return run_shard(form, chosen, remembered, part, fail_on=severity, listener=listener)
-        return run_job(form, chosen, remembered, fail_on=severity, listener=listener)
+        begin = run_job if part is None else partial(run_shard, shard=part)
+        return begin(
+            form, chosen, remembered, fail_on=severity, listener=listener, selection=selection
+        )
 
     with memory(store_of(form, cache), rehash=rehash) as remembered:
         if executor == "inline":
@@ -101,18 +108,19 @@ def rehearse(
     speak: bool = False,
     cache: str | Path | Literal[False] | None = None,
     rehash: bool = False,
+    selection: Selection = EVERYTHING,
 ) -> Rehearsal:
     """Say what `run` would do with these arguments, and why; nothing is written.
 
     Raises:
-        JobError, PluginError: as of `run`.
+        JobError, PluginError, InputError: as of `run`.
     """
     form = read_job(Path(job), output=Path(output) if output is not None else None, check=False)
     if speak:
         form = replace(form, speak=True)
     folder = store_of(form, cache)
     with memory(folder, rehash=rehash, dry=folder is not None) as remembered:
-        return rehearsal.rehearse(form, remembered)
+        return rehearsal.rehearse(form, remembered, selection)
 
 
 def store_of(job: Job, cache: str | Path | Literal[False] | None = None) -> Path | None:
@@ -190,6 +198,7 @@ def align_folder(
     aligner: str = "pocketsphinx",
     lexicon: str | Path | None = None,
     voices: str | Path | None = None,
+    plot: str | Path | None = None,
     executor: Literal["inline", "local"] = "inline",
     workers: int | None = None,
     fail_on: str = "error",
@@ -207,6 +216,7 @@ def align_folder(
         aligner: a registered aligner.
         lexicon: pronunciations that go before the aligner's own.
         voices: folder of learned voices, or one voice for all lines; see `learn_voices`.
+        plot: folder for a picture per line that has timings; None draws nothing.
         executor, workers, listener: as for `run`.
         fail_on: severity at which `AlignReport.exit_code` turns 1.
 
@@ -237,6 +247,7 @@ def align_folder(
             voices=_path(voices),
             output=_path(output),
             format=format,
+            plot=_path(plot),
             fail_on=severity,
             listener=listener,
         )

@@ -32,6 +32,7 @@ from animeme.documents.lines import (
 from animeme.documents.reports import (
     AlignReportDocument,
     CacheDocument,
+    DiffDocument,
     RehearsalDocument,
     ReportDocument,
 )
@@ -47,6 +48,7 @@ KINDS: dict[str, type[BaseModel]] = {
     "cache": CacheDocument,
     "check-profile": CheckProfileDocument,
     "curves": CurvesDocument,
+    "diff": DiffDocument,
     "edits": EditsDocument,
     "job": JobDocument,
     "manifest": ManifestDocument,
