@@ -47,8 +47,9 @@ def main() -> None:
     given = arguments.parse_args()
     takes = list(read_takes(given.folder / "lines", {given.asset.stem}, "en").values())
     takes = [aligned(take, given.alignments) for take in takes]
-    takes = takes[:: max(1, len(takes) // given.lines)][: given.lines]
+    # Halves before all else: every other line of all was fitted to.
     takes = takes[0::2] if given.chosen else takes[1::2]
+    takes = takes[:: max(1, len(takes) // given.lines)][: given.lines]
     character = registry.format_of(given.asset).load(given.asset)
     rig = registry.stage("bind-rig")("auto", character, Path())
     checks = delivery_checks()

@@ -54,12 +54,9 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("folder", type=Path)
     arguments.add_argument("alignments", type=Path)
-    arguments.add_argument("--lines", type=int, default=0, help="how many, spread evenly; 0: all")
     arguments.add_argument("--fit", action="store_true")
     given = arguments.parse_args()
     names = sorted(path.stem for path in (given.folder / "lines").glob("*.flac"))
-    if given.lines:
-        names = names[:: max(1, len(names) // given.lines)]
     lines = [line_of(given.folder / "lines" / name, given.alignments) for name in names]
     if given.fit:
         fit(lines[0::2])
