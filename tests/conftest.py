@@ -11,6 +11,7 @@ import pytest
 import animeme
 from animeme.findings import RunReport
 from support.bad_input import BAD, GOOD
+from support.good_delivery import Good, deliver, tiny_head
 from support.jobs import SmallJob, small_job
 
 ROOT = Path(__file__).parents[1]
@@ -74,6 +75,13 @@ def sample_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RunReport, Pat
     """The sample job, run once: its report and its output folder."""
     output = tmp_path_factory.mktemp("sample") / "out"
     return animeme.run(SAMPLE / "job.toml", output=output), output
+
+
+@pytest.fixture(scope="session")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> Good:
+    """What a head of one triangle says, delivered: quick to judge, and to break."""
+    folder = tmp_path_factory.mktemp("tiny")
+    return deliver(folder / "job", tiny_head(folder / "hero.glb"))
 
 
 @pytest.fixture(scope="session")

@@ -44,6 +44,10 @@ TEXT_DAMAGE: dict[str, tuple[Callable[[str], str], str]] = {
     "number reformatted": (lambda t: t.replace('"scene": 0', '"scene": 0.0', 1), "/scene"),
     "number with fewer zeros": (lambda t: t.replace("1.50", "1.5", 1), "/extras/n"),
     "value changed": (edited(lambda d: d["nodes"][0].update(name="mask")), "/nodes/0/name"),
+    "a node was moved": (
+        edited(lambda d: d["nodes"][0].update(translation=[0, 1, 0])),
+        "/nodes/0/translation",
+    ),
     "null dropped": (edited(lambda d: d["extras"].pop("z")), "/extras/z"),
     "element removed": (edited(lambda d: d["scenes"].pop()), "/scenes"),
     "inner element removed": (edited(lambda d: d["extras"]["list"].pop()), "/extras/list"),

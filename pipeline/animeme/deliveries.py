@@ -31,6 +31,8 @@ from animeme.steps import Means, align_speech
 # A character whose file has no face is no delivery of ours to judge; a file that was named is.
 NO_FACE = "asset-no-blendshapes"
 READER_FAILED = "reader-failed"
+# A file that the rig profile does not fit; a broken profile is our caller's to mend.
+NO_RIG = frozenset({"rig-unknown", "rig-mismatch"})
 
 
 def read_deliveries(
@@ -108,11 +110,15 @@ def find_files(paths: Iterable[Path]) -> list[tuple[Path, bool]]:
 
 
 def _source_of(file: Path, sources: Sequence[Path]) -> Path | None:
-    """The source that a file was made from: the only one, or that of the same name."""
-    same = [s for s in sources if s.stem == file.stem]
-    exact = [s for s in same if s.suffix.lower() == file.suffix.lower()]
-    if exact or same:
-        return (exact or same)[0]
+    """The source that a file was made from: the only one, or that of the character's name.
+
+    A file of one line is not called by its character, but lies in the character's folder.
+    """
+    for name in (file.stem, *reversed(file.parts[:-1])):
+        same = [source for source in sources if source.stem == name]
+        exact = [source for source in same if source.suffix.lower() == file.suffix.lower()]
+        if same:
+            return (exact or same)[0]
     return sources[0] if len(sources) == 1 else None
 
 
@@ -199,7 +205,7 @@ def _bound(rig: str, character: Character) -> tuple[BoundRig | None, str]:
     try:
         bound: BoundRig = registry.stage("bind-rig")(rig, character, Path())
     except InputError as error:
-        if error.code != "rig-unknown":
+        if error.code not in NO_RIG:
             raise
         return None, error.problem
     return bound, ""

@@ -1,6 +1,7 @@
 """How often checks of delivered animation complain of captured motion, and of what is no speech.
 
-    python tests/bench/delivered.py ../shared/data/grid-s1 sample_assets/ada.glb [--lines N]
+    animeme align ../shared/data/grid-s1/lines --language en --format alignment --output ALIGNED
+    python tests/bench/delivered.py ../shared/data/grid-s1 ALIGNED sample_assets/ada.glb [--lines N]
 
 Captured lips drive ``jawOpen`` of a character: as captured, shifted, with another line's recording,
 and replaced by a ramp, noise, and a jaw on a timer. Thresholds were chosen on every other line;
@@ -10,6 +11,7 @@ only the others are counted here.
 from __future__ import annotations
 
 import argparse
+import json
 from collections import Counter
 from pathlib import Path
 
@@ -17,9 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animeme import registry
+from animeme.contracts import Alignment, Speech
 from animeme.curves import CurveSet
 from animeme.deliveries import read_takes
 from animeme.delivery import Performance, Skip, Take
+from animeme.dialogue import Line
+from animeme.phones import PhoneTrack
 from animeme.validation import delivery_checks
 from animeme_stages.dataset.motion import read_motion
 
@@ -35,13 +40,16 @@ CHECKS = (
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("folder", type=Path)
+    arguments.add_argument("alignments", type=Path)
     arguments.add_argument("asset", type=Path)
     arguments.add_argument("--lines", type=int, default=150, help="how many, spread evenly")
     arguments.add_argument("--chosen", action="store_true", help="count the other half")
     given = arguments.parse_args()
     takes = list(read_takes(given.folder / "lines", {given.asset.stem}, "en").values())
-    takes = takes[:: max(1, len(takes) // given.lines)][: given.lines]
+    takes = [aligned(take, given.alignments) for take in takes]
+    # Halves before all else: every other line of all was fitted to.
     takes = takes[0::2] if given.chosen else takes[1::2]
+    takes = takes[:: max(1, len(takes) // given.lines)][: given.lines]
     character = registry.format_of(given.asset).load(given.asset)
     rig = registry.stage("bind-rig")("auto", character, Path())
     checks = delivery_checks()
@@ -49,7 +57,7 @@ def main() -> None:
     random = np.random.default_rng(0)
     for index, take in enumerate(takes):
         times_s, opened = lips(take)
-        other = takes[(index + 7) % len(takes)]
+        other = takes[(index + 31) % len(takes)]
         for case, (at_s, weights, recording) in variants(
             times_s, opened, take, other, random
         ).items():
@@ -77,6 +85,17 @@ def main() -> None:
             print(f"    {number / len(takes):6.3f}  {name}")
 
 
+def aligned(take: Take, folder: Path) -> Take:
+    """The same line with phones that were found before."""
+
+    def read(line: Line, _: Speech) -> Alignment:
+        path = next(folder.rglob(f"{line.audio.stem}.json"))
+        track = PhoneTrack.from_document(json.loads(path.read_text(encoding="utf-8")))
+        return Alignment(track, (), 1.0)
+
+    return Take(take.line, registry.stage("read-speech"), read)
+
+
 def lips(take: Take) -> tuple[Floats, Floats]:
     """Captured lip gap as a weight, with the times of its frames."""
     motion = read_motion(take.line.audio.with_suffix(".csv"))
@@ -96,7 +115,7 @@ def variants(
         "another line's recording": (times_s, opened, other),
         "ramp": (at_s, np.linspace(0, 1, len(at_s)), take),
         "noise": (at_s, random.uniform(0, 1, len(at_s)), take),
-        "jaw on a timer": (at_s, 0.5 - 0.5 * np.cos(2 * np.pi * 4 * at_s), take),
+        "jaw on a timer": (at_s, 0.5 - 0.5 * np.cos(2 * np.pi * random.uniform(3, 6) * at_s), take),
     }
 
 

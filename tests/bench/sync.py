@@ -1,6 +1,7 @@
 """Fits and measures the check ``sync`` on captured lips.
 
-    python tests/bench/sync.py ../shared/data/grid-s1 [--lines N] [--fit]
+    animeme align ../shared/data/grid-s1/lines --language en --format alignment --output ALIGNED
+    python tests/bench/sync.py ../shared/data/grid-s1 ALIGNED [--fit]
 
 Every other line, by name, is for fitting and for choosing thresholds; the others are measured. With
 ``--fit`` the weights in ``stages/animeme_stages/check/delivery`` are written anew.
@@ -10,97 +11,156 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from animeme_stages.check.delivery import sound
-from animeme_stages.check.delivery.sync import Sync
+import animeme
+from animeme import registry
+from animeme.contracts import Speech
+from animeme.delivery import Performance
+from animeme.phones import PhoneTrack
+from animeme_stages.check.delivery import expected, sound
+from animeme_stages.check.delivery.signals import opening_at
+from animeme_stages.check.delivery.sync import Sync, Verdict, guesses, loud_of, verdict
 from animeme_stages.dataset.motion import read_motion
 from animeme_stages.ingest.audio import read_speech
+from animeme_stages.retarget.retarget import retarget
 
 Floats = NDArray[np.float64]
-TARGET = Path(sound.__file__).with_name("sound_to_opening.json")
+TARGET = Path(expected.__file__).with_name(expected.WEIGHTS)
 RIDGE = 1000.0
+# Other lines that a line's lips are tried with, by how far off they are in the list.
+OTHERS = (7, 31, 59, 113, 171)
+SHIFTS_MS = (120, -120)
+LIMITS = {name: float(spec.value) for name, spec in Sync.limits.items()}  # type: ignore[arg-type]
+KINDS = ("sound", "phones", "sound and phones")
+MODELS = ("dam", "cohen-massaro")
+
+
+@dataclass(frozen=True)
+class Line:
+    """Lip gap, 100 a second, and what the guess is made from, per kind."""
+
+    gap: Floats
+    speech: Speech
+    track: PhoneTrack
+    features: dict[str, Floats]
 
 
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("folder", type=Path)
-    arguments.add_argument("--lines", type=int, default=0, help="how many, spread evenly; 0: all")
+    arguments.add_argument("alignments", type=Path)
     arguments.add_argument("--fit", action="store_true")
     given = arguments.parse_args()
     names = sorted(path.stem for path in (given.folder / "lines").glob("*.flac"))
-    if given.lines:
-        names = names[:: max(1, len(names) // given.lines)]
-    pairs = [lips_and_features(given.folder / "lines" / name) for name in names]
+    lines = [line_of(given.folder / "lines" / name, given.alignments) for name in names]
     if given.fit:
-        fit(pairs[0::2])
-        sound._weights.cache_clear()
-    for title, chosen in (("thresholds chosen on", pairs[0::2]), ("held out", pairs[1::2])):
-        measure(title, chosen)
+        fit(lines[0::2])
+        expected._weights.cache_clear()
+    for title, chosen in (("fitted to", lines[0::2]), ("held out", lines[1::2])):
+        measure(f"{title}, by sound and phones", chosen, phones=True)
+        measure(f"{title}, by sound alone", chosen, phones=False)
 
 
-def lips_and_features(path: Path) -> tuple[Floats, Floats]:
-    """Lip gap and the sound's features, 100 a second."""
-    found = sound.features(read_speech(path.with_suffix(".flac")))
+def line_of(path: Path, alignments: Path) -> Line:
+    """What is measured of one line."""
+    speech = read_speech(path.with_suffix(".flac"))
+    heard = sound.features(speech)
+    aligned = json.loads(next(alignments.rglob(f"{path.stem}.json")).read_text(encoding="utf-8"))
+    track = PhoneTrack.from_document(aligned)
     motion = read_motion(path.with_suffix(".csv"))
     gap = motion.values[:, motion.controls.index("lip_gap")]
     known = np.isfinite(gap)
-    at_s = np.arange(len(found)) / sound.RATE_HZ
-    return np.interp(at_s, motion.times_s[known], gap[known]), found
+    at_s = np.arange(len(heard)) / sound.RATE_HZ
+    said = expected.phone_features(track, len(heard))
+    return Line(
+        np.interp(at_s, motion.times_s[known], gap[known]),
+        speech,
+        track,
+        dict(zip(KINDS, (heard, said, np.hstack([heard, said])), strict=True)),
+    )
 
 
-def fit(pairs: list[tuple[Floats, Floats]]) -> None:
-    """Ridge regression of the lip gap without posture, each line at its own scale."""
-    size = pairs[0][1].shape[1]
-    products, sums = np.zeros((size, size)), np.zeros(size)
-    for gap, features in pairs:
-        lips = sound.without_posture(gap)
-        products += features.T @ features
-        sums += features.T @ ((lips - lips.mean()) / lips.std())
-    weights = np.linalg.solve(products + RIDGE * np.eye(size), sums)
-    document = {
-        "source": "GRID corpus, speaker s1 (Cooke et al. 2006, CC BY 4.0), every other line",
-        "bands": sound.BANDS,
-        "context_frames": list(sound.CONTEXT),
-        "weights": [round(float(weight), 6) for weight in weights],
+def fit(lines: list[Line]) -> None:
+    """Ridge regression of openings without posture, each line at its own scale."""
+    document: dict[str, object] = {
+        "source": "GRID corpus, speaker s1 (Cooke et al. 2006, CC BY 4.0), every other line"
     }
+    for kind in KINDS:
+        document[kind] = ridge([(line.gap, line.features[kind]) for line in lines])
+    document["models"] = ridge(
+        [
+            (opened, line.features["phones"])
+            for name in MODELS
+            for line, opened in zip(lines, spoken_by(name, lines), strict=True)
+        ]
+    )
     TARGET.write_text(json.dumps(document) + "\n", encoding="utf-8")
 
 
-def measure(title: str, pairs: list[tuple[Floats, Floats]]) -> None:
-    most_s = float(Sync.limits["most_s"].value)  # type: ignore[arg-type]
-    weights = sound._weights()
-    lips = [sound.without_posture(gap) for gap, _ in pairs]
-    guesses = [sound.without_posture(features @ weights) for _, features in pairs]
+def ridge(pairs: list[tuple[Floats, Floats]]) -> list[float]:
+    """Weights of the features that give the openings best."""
+    size = pairs[0][1].shape[1]
+    products, sums = np.zeros((size, size)), np.zeros(size)
+    for opened, features in pairs:
+        lips = sound.without_posture(opened)
+        products += features.T @ features
+        sums += features.T @ ((lips - lips.mean()) / lips.std())
+    weights = np.linalg.solve(products + RIDGE * np.eye(size), sums)
+    return [round(float(weight), 5) for weight in weights]
 
-    def judged(moved: list[Floats], shift: int = 0) -> tuple[Floats, Floats]:
-        pairs_of = zip(moved, guesses[shift:] + guesses[:shift], strict=True)
-        cut = ((m[: min(len(m), len(g))], g[: min(len(m), len(g))]) for m, g in pairs_of)
-        found = [sound.lag_of(m, g, most_s) for m, g in cut]
-        return np.array([lag for lag, _ in found]), np.array([score for _, score in found])
 
-    def delayed(gap: Floats, frames: int) -> Floats:
-        at = np.arange(len(gap)) - frames
-        return np.interp(at, np.arange(len(gap)), gap)
+def spoken_by(name: str, lines: list[Line]) -> list[Floats]:
+    """How far a model opens the mouth of the sample's head in each line."""
+    asset = Path(__file__).parents[2] / "sample_assets" / "ada.glb"
+    rig = registry.stage("bind-rig")("auto", registry.format_of(asset).load(asset), Path())
+    model = animeme.load_model(name)
+    found = []
+    for line in lines:
+        curves = retarget(model.synthesize(line.track, rate_hz=60.0), rig, {})
+        performance = Performance(asset, name, name, "en", "", curves, (), rig, {})
+        at_s = np.arange(len(line.gap)) / sound.RATE_HZ
+        found.append(opening_at(performance, at_s))
+    return found
 
-    lag_s, score = judged(lips)
-    near = np.mean(abs(lag_s) <= 0.0401)
-    print(f"{title}: {len(pairs)} lines")
-    print(f"  lag within ±40 ms: {near:.3f}, median {np.median(lag_s):.3f} s")
-    cases = {"as delivered": (lag_s, score), "with another line's audio": judged(lips, 7)}
-    for ms in (120, -120):
-        moved = [sound.without_posture(delayed(gap, ms // 10)) for gap, _ in pairs]
-        cases[f"shifted by {ms:+d} ms"] = judged(moved)
-    for least in (0.45, 0.5, 0.55, 0.6, 0.65):
-        for late_s in (0.06, 0.08):
-            said = ", ".join(
-                f"{case} {np.mean((abs(lags) > late_s + 1e-9) | (scores < least)):.3f}"
-                for case, (lags, scores) in cases.items()
-            )
-            print(f"  likeness {least:.2f}, lag {late_s:.2f} s: flagged {said}")
+
+def measure(title: str, lines: list[Line], *, phones: bool) -> None:
+    """Print how many lines are flagged, at the shipped limits and around them."""
+    expected = [guesses(line.speech, line.track if phones else None) for line in lines]
+    lags_s = [verdict_of(line, guess).lag_s for line, guess in zip(lines, expected, strict=True)]
+    near = np.mean(np.abs(lags_s) <= 0.0401)
+    print(f"{title}: {len(lines)} lines, lag within ±40 ms for {near:.1%}")
+    cases = {f"{ms:+d} ms": (ms, 0) for ms in (0, *SHIFTS_MS)}
+    cases |= {f"line {other} further on": (0, other) for other in OTHERS}
+    found = {
+        case: [
+            verdict_of(line, expected[(index + other) % len(lines)], late_ms)
+            for index, line in enumerate(lines)
+        ]
+        for case, (late_ms, other) in cases.items()
+    }
+    for factor in (0.9, 1.0, 1.1):
+        flagged = {
+            case: float(np.mean([each.clear < factor * each.least for each in verdicts]))
+            for case, verdicts in found.items()
+        }
+        others = [share for case, share in flagged.items() if case.startswith("line")]
+        shifts = ", ".join(f"{case} {share:.1%}" for case, share in flagged.items() if "ms" in case)
+        print(
+            f"    limits × {factor}: doubted {shifts}, another line's recording "
+            f"{np.mean(others):.1%} ({min(others):.1%} to {max(others):.1%})"
+        )
+
+
+def verdict_of(line: Line, expected: dict[str, Floats], late_ms: int = 0) -> Verdict:
+    """The check's, of lips that are late."""
+    at = np.arange(len(line.gap)) - late_ms * sound.RATE_HZ // 1000
+    moved = np.interp(at, np.arange(len(line.gap)), line.gap)
+    return verdict(moved, expected, loud_of(line.speech), LIMITS)
 
 
 if __name__ == "__main__":

@@ -78,14 +78,22 @@ def put_float(accessor: str, index: int, value: float) -> Callable[[Json, bytear
     return edit
 
 
-def with_curves(source: Path, target: Path, change: Curves, *, length_s: float = 0.0) -> Path:
-    """The sample's head with the line of `source` after `change`."""
-    form = registry.format_of(source)
-    found = form.read_animations(source)
-    curves = change(found["boat" if "boat" in found else next(iter(found))])
-    line = LineAnimation("boat", "en", curves, length_s or curves.duration_s)
+def with_curves(
+    delivered: Path,
+    target: Path,
+    change: Curves,
+    *,
+    name: str = "boat",
+    language: str = "en",
+    length_s: float = 0.0,
+    source: Path | None = None,
+) -> Path:
+    """A head with one line of `delivered` after `change`; the sample's, if there is no `source`."""
+    form = registry.format_of(delivered)
+    curves = change(form.read_animations(delivered)[name])
+    line = LineAnimation(name, language, curves, length_s or curves.duration_s)
     target.parent.mkdir(parents=True, exist_ok=True)
-    form.write(form.load(SAMPLE / f"ada{source.suffix}"), [line], target)
+    form.write(form.load(source or SAMPLE / f"ada{delivered.suffix}"), [line], target)
     return target
 
 

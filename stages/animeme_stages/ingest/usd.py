@@ -13,6 +13,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdSkel, Vt
 
 from animeme.errors import InputError
 from animeme.rig import Character, MeshShapes
+from animeme_stages.ingest.usd_crate import require_table
 from animeme_stages.ingest.usd_meshes import SpeakingMesh, bound_prim, host_prim
 from animeme_stages.ingest.usd_references import require_local
 from animeme_stages.ingest.usd_variants import driven_meshes, speaking_variant
@@ -73,6 +74,7 @@ def open_stage(path: Path) -> Usd.Stage:
         InputError: ``asset-unreadable``: it does not exist, or is damaged or no USD.
     """
     require_file(path)
+    require_table(path)
     with usd_errors(path):
         return Usd.Stage.Open(str(path))
 
@@ -171,6 +173,7 @@ def load_usd(path: Path, folder: Path) -> Character:
             ``asset-time-invalid``: its time codes have no length.
     """
     require_file(path)
+    require_table(path)
     with usd_errors(path):
         require_local(path, folder)
     stage = open_stage(path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 from animeme.rig import Character
 
@@ -13,6 +14,7 @@ _PREFIXED_SHAPES = 3
 _SPLIT = re.compile(r"(?<=[_.:| -])|(?<=[a-z\d])(?=[A-Z])")
 
 
+@lru_cache(maxsize=10_000)
 def spelling(name: str) -> str:
     """A shape name as rigs of one family agree on it, whatever exporters did to it.
 

@@ -146,7 +146,10 @@ class GltfFormat:
 
     def harm(self, character: Character, output: Path) -> list[str]:
         """What `output` lost or changed of the source; see `animeme.contracts.Format`."""
-        return harm(open_container(character.source), open_container(output))
+        written = open_container(output)
+        if mark_of(written.json["asset"]):
+            return GltfClip().harm(character, output)
+        return harm(open_container(character.source), written)
 
     def strip(self, path: Path, target: Path) -> tuple[str, ...]:
         """Write the source of an output of ours to `target`, byte for byte.

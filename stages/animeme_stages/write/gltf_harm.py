@@ -14,14 +14,17 @@ from animeme_stages.ingest.gltf_document import mark_of
 from animeme_stages.write.gltf_origin import our_lines, past_of
 
 _PIECE = 1 << 20
+# Members of what was there that say nothing of what is seen, or whose meaning is not known here.
+_FREE = frozenset({"extras", "extensions", "name"})
 
 
 def harm(source: Container, output: Container) -> list[str]:
     """One sentence for each old JSON value or byte that is not as it was; [] if all are.
 
-    Allowed are: elements after the old ones of an array, new members, a longer buffer 0 of a GLB,
-    and new versions of our own animations. Where `source` is itself an earlier output of ours, its
-    own source has to be in `output`, and every line that it had.
+    Allowed are: elements after the old ones of an array; new members of the root and of ``asset``,
+    and new names, extras and extensions anywhere; a longer buffer 0 of a GLB; and new versions of
+    our own animations. Where `source` is itself an earlier output of ours, its own source has to be
+    in `output`, and every line that it had.
     """
     lost = sorted(set(our_lines(source)) - set(our_lines(output)))
     found = [f"the line '{name}' of an earlier run is gone" for name in lost]
@@ -84,6 +87,10 @@ def _changes(old: Any, new: Any, allowed: set[str]) -> Iterator[str]:
                     pending.append((f"{pointer}/{key}", value, after[key]))
                 else:
                     yield f"{pointer}/{key} is gone"
+            # What was left to its default is set: a node moves, a material shines through.
+            for key in () if pointer.count("/") < 2 else sorted(after.keys() - before.keys()):
+                if _FREE.isdisjoint((key, *pointer.split("/"))):
+                    yield f"{pointer}/{key} is new"
         elif isinstance(before, list) and isinstance(after, list):
             if len(after) < len(before):
                 yield f"{pointer} lost elements"

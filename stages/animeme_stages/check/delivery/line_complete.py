@@ -35,12 +35,16 @@ class LineComplete:
         if not deliveries.takes:
             raise Skip("no dialogue is known: --dialogue names its folder")
         performances = [p for file in deliveries.files for p in file.performances]
-        heard = {id(p.take) for p in performances if p.take is not None}
         languages = {p.language for p in performances if p.language}
+        # What is delivered as glTF and as USD has every line in both.
+        kinds = sorted({file.path.suffix.lower() for file in deliveries.files})
+        heard = {(id(p.take), p.path.suffix.lower()) for p in performances if p.take is not None}
         for key, take in deliveries.takes.items():
+            lacking = [kind for kind in kinds if (id(take), kind) not in heard]
             # One language may be delivered before another.
-            if id(take) not in heard and (take.line.language in languages or not languages):
-                yield complain("line-missing", "no file has an animation of this line", line=key)
+            if lacking and (take.line.language in languages or not languages):
+                which = "no file" if lacking == kinds else f"no {' or '.join(lacking)} file"
+                yield complain("line-missing", f"{which} has an animation of this line", line=key)
         for p in performances:
             if p.take is None:
                 text = f"'{p.name}' is no line of the dialogue"

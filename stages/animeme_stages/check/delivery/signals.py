@@ -21,12 +21,6 @@ LABIODENTALS = frozenset("fvɱ")
 # Vowels for which the jaw drops, by the first letter of their IPA: /æ ɑ a ɐ ɔ ɒ ʌ/ and diphthongs.
 OPEN_VOWELS = tuple("æɑaɐɔɒʌ")
 
-# How far the mouth is open for a phone, any unit; what is not named is a consonant in between.
-_BETWEEN, _OPEN, _VOWEL, _NARROW = 0.35, 1.0, 0.6, 0.15
-_VOWELS = tuple("ieɛəɜɝɚouʊɪyøœɯɤ")
-# Mouths take about this long from one phone to the next (standard deviation, seconds).
-_BLUR_S = 0.03
-
 
 @dataclass(frozen=True)
 class _Mouth:
@@ -83,6 +77,14 @@ def spoken(track: PhoneTrack) -> list[tuple[Phone, str]]:
     return [(phone, ipa) for phone, ipa in both if phone.symbol != SILENCE]
 
 
+def during_phones(track: PhoneTrack, at_s: Floats) -> NDArray[np.bool_]:
+    """Whether a phone is spoken at each time of the recording, shape (F,)."""
+    said = np.zeros(len(at_s), dtype=np.bool_)
+    for phone, _ in spoken(track):
+        said |= (at_s >= phone.start_s) & (at_s < phone.end_s)
+    return said
+
+
 def is_open_vowel(ipa: str) -> bool:
     """Whether the jaw drops for a phone."""
     return ipa.startswith(OPEN_VOWELS)
@@ -108,24 +110,3 @@ def stretches(mask: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
     """Start and end (exclusive) of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
     yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-
-
-def opening_of_phones(track: PhoneTrack, at_s: Floats) -> Floats:
-    """How far the mouth should be open at times `RATE_HZ` apart, any unit, shape (F,)."""
-    wanted = np.zeros(len(at_s))
-    for phone, ipa in spoken(track):
-        inside = (at_s >= phone.start_s) & (at_s < phone.end_s)
-        wanted[inside] = _opening_of(ipa)
-    reach = int(4 * _BLUR_S * RATE_HZ)
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (_BLUR_S * RATE_HZ)) ** 2)
-    return np.convolve(np.pad(wanted, reach, mode="edge"), kernel / kernel.sum(), "valid")
-
-
-def _opening_of(ipa: str) -> float:
-    if is_open_vowel(ipa):
-        return _OPEN
-    if ipa in BILABIALS:
-        return 0.0
-    if ipa in LABIODENTALS:
-        return _NARROW
-    return _VOWEL if ipa.startswith(_VOWELS) else _BETWEEN

@@ -1,16 +1,9 @@
-"""What a recording tells of the mouth: how loud it is, and how far it should be open.
-
-How far it should be open is a linear guess from the energy in 16 mel bands over half a second
-around each moment, fitted to the captured lips of every other line of the GRID corpus's speaker s1
-(Cooke et al. 2006, CC BY 4.0) by ``tests/bench/sync.py``, which prints how good it is on the
-others. It knows no phones and no language.
-"""
+"""What a recording tells of the mouth: how loud it is, and in which bands; and how two fit."""
 
 from __future__ import annotations
 
-import json
+from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 
 import numpy as np
 import soxr
@@ -55,11 +48,6 @@ def features(speech: Speech) -> Floats:
     return np.hstack([*columns, np.ones((len(bands), 1))])
 
 
-def expected_opening(speech: Speech) -> Floats:
-    """How far the mouth should be open in each frame, any unit, shape (F,)."""
-    return np.asarray(features(speech) @ _weights())
-
-
 def without_posture(signal: Floats) -> Floats:
     """A signal at `RATE_HZ` without what is slower than syllables."""
     sigma = _SLOW_S * RATE_HZ
@@ -70,16 +58,41 @@ def without_posture(signal: Floats) -> Floats:
     return np.asarray(signal - slow)
 
 
-def lag_of(moved: Floats, expected: Floats, most_s: float) -> tuple[float, float]:
-    """Where two signals at `RATE_HZ` fit best.
+@dataclass(frozen=True)
+class Fit:
+    """How two signals fit at each lag.
+
+    Attributes:
+        lags_s: of the first signal, seconds, positive where it is late, shape (L,).
+        scores: correlations there, -1 to 1, shape (L,).
+    """
+
+    lags_s: Floats
+    scores: Floats
+
+    @property
+    def lag_s(self) -> float:
+        """Where they fit best."""
+        return float(self.lags_s[np.argmax(self.scores)])
+
+    @property
+    def likeness(self) -> float:
+        """How well they fit there."""
+        return float(self.scores.max())
+
+    def best(self, within_s: float) -> tuple[float, float]:
+        """How well they fit at best at lags up to `within_s`, and at best at any other."""
+        near = np.abs(self.lags_s) <= within_s + 1e-9
+        return float(self.scores[near].max()), float(self.scores[~near].max(initial=0.0))
+
+
+def fit_of(moved: Floats, expected: Floats, most_s: float) -> Fit:
+    """How two signals at `RATE_HZ` fit.
 
     Args:
         moved: shape (F,).
         expected: shape (F,).
         most_s: largest lag that is looked at, seconds.
-
-    Returns:
-        Lag of `moved` in seconds, positive if it is late, and the correlation there, -1 to 1.
     """
     most = round(most_s * RATE_HZ)
     scores = []
@@ -89,8 +102,7 @@ def lag_of(moved: Floats, expected: Floats, most_s: float) -> tuple[float, float
         first, second = first - first.mean(), second - second.mean()
         norm = np.sqrt((first @ first) * (second @ second))
         scores.append(first @ second / norm if norm > 1e-12 else 0.0)
-    best = int(np.argmax(scores))
-    return (best - most) / RATE_HZ, float(scores[best])
+    return Fit(np.arange(-most, most + 1) / RATE_HZ, np.array(scores))
 
 
 def _frames(speech: Speech) -> Floats:
@@ -111,9 +123,3 @@ def _mel() -> NDArray[np.float64]:
     rising = (at_hz - edges[:-2, None]) / np.diff(edges)[:-1, None]
     falling = (edges[2:, None] - at_hz) / np.diff(edges)[1:, None]
     return np.asarray(np.clip(np.minimum(rising, falling), 0, None))
-
-
-@cache
-def _weights() -> Floats:
-    text = files(__package__).joinpath("sound_to_opening.json").read_text(encoding="utf-8")
-    return np.array(json.loads(text)["weights"])

@@ -28,11 +28,19 @@ class SourceKept:
             "Deliver the animation on the source as it was handed out.",
         ),
     }
-    limits: ClassVar[Mapping[str, LimitSpec]] = {}
+    limits: ClassVar[Mapping[str, LimitSpec]] = {
+        "most_shown": LimitSpec(5.0, "differences that are said one by one"),
+    }
 
     def run(self, delivery: Delivery, limits: Mapping[str, Any]) -> Iterable[Complaint]:
-        """Complain of each difference."""
+        """Complain of the first differences, and of how many there are."""
         if delivery.source is None or delivery.format is None:
             raise Skip("no source is known: --against names it")
-        for problem in delivery.format.harm(delivery.source, delivery.path):
+        problems = delivery.format.harm(delivery.source, delivery.path)
+        most = int(limits["most_shown"])
+        for problem in problems[:most]:
             yield complain("source-changed", problem.rstrip("."))
+        if len(problems) > most:
+            # Against a wrong source nothing is as it was.
+            text = f"{len(problems) - most} other things differ from {delivery.source.source.name}"
+            yield complain("source-changed", text)
