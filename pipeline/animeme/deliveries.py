@@ -221,7 +221,7 @@ def _performances(
             line,
             language,
             _owner(tracks[0].place),
-            _seen(sound, rest),
+            seen(sound, rest),
             tuple(tracks),
             delivery.rig,
             rest,
@@ -283,7 +283,7 @@ def _is_called(name: str, line: Line) -> bool:
     return name.casefold() in {entry.casefold() for entry in said}
 
 
-def _seen(tracks: Sequence[StoredTrack], rest: Mapping[str, float]) -> CurveSet:
+def seen(tracks: Sequence[StoredTrack], rest: Mapping[str, float]) -> CurveSet:
     """What is seen of all shapes; the first track that has a shape decides."""
     played = [track.played or (track.times_s, track.weights) for track in tracks]
     times_s = np.unique(np.concatenate([entry[0] for entry in played]))

@@ -43,7 +43,7 @@ def read_speech(path: Path) -> Speech:
         InputError: missing, empty, damaged, truncated, silent or too short, or its extra is not
             installed.
     """
-    decoded = _decode(path)
+    decoded = decode(path)
     samples, rate_hz = decoded.samples, decoded.rate_hz
     duration_s = len(samples) / rate_hz
     _require_length(path, duration_s)
@@ -80,7 +80,7 @@ def quantized(samples: NDArray[np.float32]) -> NDArray[np.int16]:
 
 
 @dataclass(frozen=True)
-class _Decoded:
+class Decoded:
     """Samples of shape (S, channels), their rate, and whether they have but 8 bits or less."""
 
     samples: NDArray[np.float32]
@@ -88,7 +88,7 @@ class _Decoded:
     coarse: bool
 
 
-def _decode(path: Path) -> _Decoded:
+def decode(path: Path) -> Decoded:
     """All samples, whole and finite, of at least one channel."""
     if not path.is_file():
         raise InputError(
@@ -101,7 +101,7 @@ def _decode(path: Path) -> _Decoded:
         raise _empty(path)
     if is_container(path):
         container = read_container(path)
-        return _Decoded(_sound(path, container.samples), container.rate_hz, coarse=False)
+        return Decoded(_sound(path, container.samples), container.rate_hz, coarse=False)
     try:
         promise = promised_sound(path)
         if promise is not None and promise.missing > 0:
@@ -122,7 +122,7 @@ def _decode(path: Path) -> _Decoded:
         ) from error
     if len(samples) < promised:
         raise _truncated(path, f"{len(samples)} of {promised} samples are there")
-    return _Decoded(_sound(path, samples), rate_hz, coarse)
+    return Decoded(_sound(path, samples), rate_hz, coarse)
 
 
 def _sound(path: Path, samples: NDArray[np.float32]) -> NDArray[np.float32]:

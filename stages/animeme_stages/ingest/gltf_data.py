@@ -108,13 +108,18 @@ class Buffers:
         view = root["bufferViews"][accessor["bufferView"]]
         width = _WIDTH[accessor["type"]]
         start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-        data = self._buffer(view["buffer"])
+        data = self.buffer(view["buffer"])
         size = accessor["count"] * width * 4
         if size < 0 or start + size > len(data):
             raise unreadable(self.container.path, f"accessor {index} leaves its buffer")
         return np.frombuffer(data, np.float32, size // 4, start).reshape(-1, width)
 
-    def _buffer(self, index: int) -> memoryview:
+    def buffer(self, index: int) -> memoryview:
+        """A whole buffer.
+
+        Raises:
+            InputError: it is not there, or damaged.
+        """
         if index not in self._loaded:
             uri = self.container.json["buffers"][index].get("uri")
             if uri is None:
