@@ -10,7 +10,6 @@ import hashlib
 import json
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -136,4 +135,3 @@ def _require_success(name: str, done: subprocess.CompletedProcess[str]) -> None:
 
 if __name__ == "__main__":  # by hand, in a checkout: python hatch_build.py
     build(Path(__file__).parent)
-    print(f"{BUNDLE} is built.", file=sys.stderr)
