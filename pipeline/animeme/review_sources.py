@@ -323,9 +323,9 @@ def _performed_in(path: Path, file: str, names: set[str]) -> Mapping[str, Perfor
             for name, curves in form.read_animations(path).items()
         }
     tracks: dict[str, list[StoredTrack]] = {}
-    for track in form.stored(character):
-        name = str(track.note.get("line", track.animation))
-        if name in names and track.sound:
+    for track in form.stored(character, names):
+        if track.sound:
+            name = str(track.note.get("line", track.animation))
             tracks.setdefault(name, []).append(track)
     return {
         name: Performed(

@@ -253,6 +253,10 @@ class _Writer:
             path = os.path.abspath(os.path.join(root, name))
             if name not in self._written and path.startswith(root + os.sep):
                 Path(path).unlink(missing_ok=True)
+                folder = os.path.dirname(path)
+                while folder != root and not os.listdir(folder):
+                    os.rmdir(folder)
+                    folder = os.path.dirname(folder)
         told = {"schema": _SCHEMA, "files": sorted(self._written)}
         self._put(MANIFEST, json.dumps(told, ensure_ascii=False, indent=1) + "\n")
 

@@ -34,7 +34,8 @@ class IndexView {
     this._marks = marks;
     this._herald = new Herald();
     this._sorted = { column: "status", up: true };
-    this._wanted = { text: "", status: "", language: "", character: "" };
+    const some = data.rows.some((row) => row[8] === null) && data.rows.some((row) => row[8] !== null);
+    this._wanted = { text: "", status: "", language: "", character: "", chosen: some };
     this._searched = data.rows.map((row) => `${row[0]} ${row[1]} ${row[7]} ${row[6].map((code) => data.codes[code]).join(" ")}`.toLowerCase());
     this._rows = data.rows.map((_, at) => at);
     this._at = 0;
@@ -84,7 +85,12 @@ class IndexView {
       select.addEventListener("change", () => this._want({ [field]: select.value }));
       return values.length > 1 ? select : null;
     };
-    return el("div", { class: "filters", role: "search" }, this._search, choice("Language", 2, "language"), choice("Character", 1, "character"), this._count);
+    const chosen = button("With a page", () => {
+      this._want({ chosen: !this._wanted.chosen });
+      chosen.setAttribute("aria-pressed", String(this._wanted.chosen));
+    }, { pressed: true, title: "Only lines that can be looked at" });
+    const some = this._wanted.chosen ? chosen : null;
+    return el("div", { class: "filters", role: "search" }, this._search, choice("Language", 2, "language"), choice("Character", 1, "character"), some, this._count);
   }
 
   /** @param {Column} column */
@@ -96,20 +102,20 @@ class IndexView {
     return el("div", { class: `cell ${column.name}`, role: "columnheader" }, press);
   }
 
-  /** @param {Partial<{text: string, status: string, language: string, character: string}>} change */
+  /** @param {Partial<{text: string, status: string, language: string, character: string, chosen: boolean}>} change */
   _want(change) {
     this._wanted = { ...this._wanted, ...change };
     this._sort();
   }
 
   _sort() {
-    const { text, status, language, character } = this._wanted;
+    const { text, status, language, character, chosen } = this._wanted;
     const { rows } = this._data;
     const terms = text.split(/\s+/).filter(Boolean);
     const kept = [];
     for (let at = 0; at < rows.length; at++) {
       const row = /** @type {Row} */ (rows[at]);
-      const fits = (!status || row[3] === status) && (!language || row[2] === language) && (!character || row[1] === character);
+      const fits = (!status || row[3] === status) && (!language || row[2] === language) && (!character || row[1] === character) && (!chosen || row[8] !== null);
       if (fits && terms.every((term) => this._searched[at]?.includes(term))) kept.push(at);
     }
     const column = COLUMNS.find((each) => each.name === this._sorted.column);

@@ -224,7 +224,6 @@ class Timeline {
     ink.strokeStyle = palette.faint;
     ink.fillStyle = palette.faint;
     ink.font = "11px system-ui, sans-serif";
-    ink.textBaseline = "bottom";
     for (let step = Math.ceil(low * 4); step <= high * 4; step++) {
       const level = Math.round(y(step / 4)) + 0.5;
       ink.globalAlpha = step === 0 ? 0.6 : 0.25;
@@ -233,7 +232,8 @@ class Timeline {
       ink.lineTo(sight.width, level);
       ink.stroke();
       ink.globalAlpha = 1;
-      if (step !== 0) ink.fillText(`${step / 4}`, 4, level - 1);
+      ink.textBaseline = level < 16 ? "top" : "bottom";
+      if (step !== 0) ink.fillText(`${step / 4}`, 4, level < 16 ? level + 2 : level - 1);
     }
     const keys = this.px_per_s > 500;
     for (const { take, column, colour, strong } of this._chosen.curves()) {

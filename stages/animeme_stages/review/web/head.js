@@ -36,6 +36,8 @@ const LOOKS = /** @type {Record<string, [number, number, "face" | "mouth"]>} */ 
 const FOV_DEGREES = 24;
 // Points that a shape moves by less than this share of its largest move do not belong to it.
 const MOVED = 0.08;
+// Points that speech moves by more than this share of its largest move are the mouth's.
+const LIPS = 0.4;
 const MOST_PIXEL_RATIO = 2;
 
 /** All heads on one canvas: one renderer, one camera, shared geometry. */
@@ -70,7 +72,7 @@ class Stage {
    */
   async add(glb, digest, asset, names) {
     const known = this._models.has(digest);
-    if (!known) this._models.set(digest, load(glb));
+    if (!known) this._models.set(digest, load(glb, asset, names));
     const model = await /** @type {Promise<Model>} */ (this._models.get(digest));
     const used = this._scenes.some((scene) => scene.children.includes(model.scene));
     const shown = used ? copied(model) : model;
@@ -194,18 +196,23 @@ class Stage {
 /** @returns {Scene} */
 function lit() {
   const scene = new Scene();
-  const key = new DirectionalLight(new Color(1, 0.97, 0.92), 2.1);
+  const key = new DirectionalLight(new Color(1, 0.97, 0.92), 1.7);
   key.position.set(1.2, 1.6, 2.2);
   const fill = new DirectionalLight(new Color(0.85, 0.92, 1), 0.7);
   fill.position.set(-2, 0.4, 1.2);
   const back = new DirectionalLight(new Color(0.85, 0.92, 1), 0.7);
   back.position.set(-0.6, 1, -2);
-  scene.add(new HemisphereLight(0xffffff, 0x8a7d72, 1.1), new AmbientLight(0xffffff, 0.25), key, fill, back);
+  scene.add(new HemisphereLight(0xffffff, 0xb0a498, 1.3), new AmbientLight(0xffffff, 0.35), key, fill, back);
   return scene;
 }
 
-/** @param {ArrayBuffer} glb @returns {Promise<Model>} */
-async function load(glb) {
+/**
+ * @param {ArrayBuffer} glb
+ * @param {AssetData} asset
+ * @param {string[]} names - of the curves that move it
+ * @returns {Promise<Model>}
+ */
+async function load(glb, asset, names) {
   const loader = new GLTFLoader(new LoadingManager());
   loader.setMeshoptDecoder(MeshoptDecoder);
   const gltf = await loader.parseAsync(glb, "");
@@ -225,7 +232,8 @@ async function load(glb) {
     object.userData["node"] = node;
     meshes.set(node, [...(meshes.get(node) ?? []), object]);
   });
-  return { scene, meshes, ...framed(scene, [...meshes.values()].flat()) };
+  const spoken = new Map(asset.meshes.map((mesh) => [mesh.node, mesh.shapes.map((shape) => names.includes(shape))]));
+  return { scene, meshes, ...framed(scene, meshes, spoken) };
 }
 
 /**
@@ -256,21 +264,24 @@ function copied(model) {
 }
 
 /**
- * What to look at: the face, and what moves most of it.
+ * What to look at: the face, and what of it moves most in speech.
  *
  * @param {import("three").Object3D} scene
- * @param {Mesh[]} meshes
+ * @param {Map<number, Mesh[]>} meshes
+ * @param {Map<number, boolean[]>} spoken - node → which of its targets speech moves
  */
-function framed(scene, meshes) {
+function framed(scene, meshes, spoken) {
   const whole = new Box3().setFromObject(scene);
   const moved = new Box3();
   const mouth = new Box3();
   const point = new Vector3();
-  for (const mesh of meshes) {
+  for (const mesh of [...meshes.values()].flat()) {
     const targets = mesh.geometry.morphAttributes["position"] ?? [];
     const count = mesh.geometry.attributes["position"]?.count ?? 0;
     const sum = new Float32Array(count);
-    for (const target of targets) {
+    const said = new Float32Array(count);
+    targets.forEach((target, number) => {
+      const counts = spoken.get(mesh.userData["node"])?.[number] ? 1 : 0;
       let most = 0;
       const length = new Float32Array(count);
       for (let at = 0; at < count; at++) {
@@ -278,24 +289,31 @@ function framed(scene, meshes) {
         length[at] = far;
         most = Math.max(most, far);
       }
-      if (most > 0) for (let at = 0; at < count; at++) sum[at] = /** @type {number} */ (sum[at]) + /** @type {number} */ (length[at]) / most;
-    }
+      for (let at = 0; most > 0 && at < count; at++) {
+        const share = /** @type {number} */ (length[at]) / most;
+        sum[at] = /** @type {number} */ (sum[at]) + share;
+        said[at] = /** @type {number} */ (said[at]) + share * counts;
+      }
+    });
     const most = sum.reduce((a, b) => Math.max(a, b), 0);
+    const mostSaid = said.reduce((a, b) => Math.max(a, b), 0);
     const step = Math.max(1, Math.floor(count / 4000));
     for (let at = 0; at < count; at += step) {
       const share = most > 0 ? /** @type {number} */ (sum[at]) / most : 0;
       if (share < MOVED) continue;
       mesh.getVertexPosition(at, point).applyMatrix4(mesh.matrixWorld);
       moved.expandByPoint(point);
-      if (share > 0.5) mouth.expandByPoint(point);
+      if (mostSaid > 0 && /** @type {number} */ (said[at]) > LIPS * mostSaid) mouth.expandByPoint(point);
     }
   }
   if (moved.isEmpty()) moved.copy(whole);
   if (mouth.isEmpty()) mouth.copy(moved);
   // A bust is shown whole; of a whole figure, the head.
-  const face = moved.clone().expandByScalar(moved.getSize(point).length() * 0.16);
+  const face = moved.clone().expandByScalar(moved.getSize(point).length() * 0.2);
   const bust = whole.getSize(new Vector3()).length() < 1.7 * moved.getSize(new Vector3()).length();
-  return { face: (bust ? whole.clone() : face).expandByScalar(0.02), mouth: mouth.expandByScalar(mouth.getSize(point).length() * 0.12) };
+  // Hair above the face is part of the picture.
+  face.max.y = Math.max(face.max.y, Math.min(whole.max.y, face.max.y + 0.3 * face.getSize(point).y));
+  return { face: (bust ? whole.clone() : face).expandByScalar(0.02), mouth: mouth.expandByScalar(mouth.getSize(point).length() * 0.1) };
 }
 
 /**
