@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import click
 
 from animeme.cli import options as shared
-from animeme.review import Reviewable, WrittenReview, review
-from animeme.review_sources import open_reviewable
+from animeme.cli.progress import progress
+from animeme.reviewable import open_reviewable
+from animeme.reviewing import Pictures, Reviewable, WrittenReview, picture, review
+from animeme.runner import Listener, Progress
 
 
 @click.command(
@@ -36,6 +39,8 @@ from animeme.review_sources import open_reviewable
 @click.option("--rig", default="auto", show_default=True, help="A shipped rig profile, or a file.")
 @shared.aligner
 @shared.lexicon
+@click.option("--strip", is_flag=True, help="Instead of pages, a PNG of key moments per line.")
+@click.option("--video", is_flag=True, help="Instead of pages, an MP4 with sound per line.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was written as JSON on stdout.")
 def command(
     shown: Path,
@@ -49,6 +54,8 @@ def command(
     rig: str,
     aligner: str,
     lexicon: Path | None,
+    strip: bool,
+    video: bool,
     as_json: bool,
 ) -> int:
     """Write pages on which a person sees and hears the lines of RUN|ASSET.
@@ -56,24 +63,46 @@ def command(
     RUN is the output folder of a run, ASSET an animated file or a folder of such. The pages work
     from disk, without a server or a network. Recordings and words of an ASSET come from --dialogue.
     """
+    if (strip or video) and (single_file or against is not None):
+        raise click.UsageError("--strip and --video go with neither --single-file nor --against.")
 
     def opened(path: Path) -> Reviewable:
         return open_reviewable(
             path, dialogue=dialogue, language=language, rig=rig, aligner=aligner, lexicon=lexicon
         )
 
-    written = review(
-        opened(shown),
-        output,
-        lines=lines,
-        worst=worst,
-        other=None if against is None else opened(against),
-        single_file=single_file,
-    )
+    if strip or video:
+        with progress("pictures") as listener:
+            drawn = picture(
+                opened(shown), output, lines=lines, worst=worst, strips=strip, films=video,
+                listener=_heard(listener, "pictures"),
+            )  # fmt: skip
+        return _tell_pictures(drawn, output, as_json)
+    other = None if against is None else opened(against)
+    with progress("pages") as listener:
+        written = review(
+            opened(shown), output, lines=lines, worst=worst, other=other, single_file=single_file,
+            listener=_heard(listener, "pages"),
+        )  # fmt: skip
     _tell(written)
     if as_json:
         click.echo(json.dumps(_document(written), ensure_ascii=False, indent=1))
     return 0
+
+
+def _heard(listener: Listener, stage: str) -> Callable[[int, int], None]:
+    return lambda done, total: listener(Progress(stage, done, total, 0))
+
+
+def _tell_pictures(drawn: Pictures, output: Path, as_json: bool) -> int:
+    """Say what was drawn; 1 if there was something that could not be."""
+    for remark in drawn.remarks:
+        click.echo(remark, err=True)
+    click.echo(f"{len(drawn.files)} files were drawn into {output}.", err=True)
+    if as_json:
+        files = [str(file) for file in drawn.files]
+        click.echo(json.dumps({"files": files, "remarks": drawn.remarks}, ensure_ascii=False))
+    return 1 if drawn.remarks else 0
 
 
 def _tell(written: WrittenReview) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from animeme.delivery import Complaint
 from animeme.findings import Finding, Severity
 from animeme.phones import PhoneTrack
-from animeme.review import Detail, Performed, Reviewable, ReviewedLine, when_of
+from animeme.reviewing import Detail, Performed, Reviewable, ReviewedLine, when_of
 from animeme_stages.review.sound import PEAKS_HZ, Sound
 
 
@@ -84,7 +85,7 @@ def line_of(
         "frame_hz": frame_hz,
         "audio": source,
         "peaks": {"rate_hz": PEAKS_HZ, "data": packed(sound.peaks)} if sound else None,
-        **_track(detail.track),
+        **_track(detail.track, detail.text),
         "findings": [_finding(finding, lead_s) for finding in line.findings],
         "takes": list(takes),
         "remarks": list(remarks),
@@ -113,12 +114,18 @@ def take_of(performed: Performed, *, side: str, title: str, asset: str | None) -
     }
 
 
-def _track(track: PhoneTrack | None) -> dict[str, Any]:
+def _track(track: PhoneTrack | None, text: str) -> dict[str, Any]:
     if track is None:
         return {"words": [], "phones": [], "events": []}
+    # JavaScript counts in UTF-16 units, Python in characters.
+    units = [0, *accumulate(1 + (character > "\uffff") for character in text)]
+
+    def place(at: int) -> int:
+        return units[min(at, len(text))]
+
     return {
         "words": [
-            [word.text, round(word.start_s, 4), round(word.end_s, 4), *word.source]
+            [word.text, round(word.start_s, 4), round(word.end_s, 4), *map(place, word.source)]
             for word in track.words
         ],
         "phones": [

@@ -12,6 +12,9 @@ from typing import Any
 from animeme import registry
 from animeme.errors import InputError
 
+# Parts of the names of materials that lie over the eyes, and that most exports have opaque.
+_COVERS = ("eyeblend", "eyeocclusion", "lacrimalfluid", "cornea", "tearline")
+
 
 @dataclass(frozen=True)
 class MeshView:
@@ -60,6 +63,12 @@ class View:
                 for mesh in self.meshes
             ],
         }
+
+
+def is_cover(material: str) -> bool:
+    """Whether a material, by its name, is a film over the eyes that hides them."""
+    plain = material.replace("_", "").lower()
+    return any(part in plain for part in _COVERS)
 
 
 def view_of(path: Path) -> View:

@@ -16,7 +16,7 @@ from animeme.errors import InputError
 from animeme_stages.ingest.glb import Container, open_container
 from animeme_stages.ingest.gltf import load_gltf
 from animeme_stages.ingest.gltf_data import Buffers, local_file
-from animeme_stages.review.view import MeshView, View
+from animeme_stages.review.view import MeshView, View, is_cover
 
 MOST_PIXELS = 1024
 # A picture of fewer bytes is kept as it is.
@@ -120,6 +120,10 @@ class _Copier:
             for name in ("normalTexture", "occlusionTexture", "emissiveTexture"):
                 material.pop(name, None)
             pbr = material.setdefault("pbrMetallicRoughness", {})
+            if is_cover(str(material.get("name", ""))):
+                pbr |= {"baseColorFactor": [0, 0, 0, 0]}
+                pbr.pop("baseColorTexture", None)
+                material |= {"alphaMode": "MASK"}
             if pbr.pop("metallicRoughnessTexture", None) is not None:
                 pbr |= {"metallicFactor": 0.0, "roughnessFactor": 0.7}
 

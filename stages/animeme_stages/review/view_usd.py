@@ -13,7 +13,7 @@ from pxr import Gf, Usd, UsdGeom, UsdShade, UsdSkel
 from animeme import registry
 from animeme.files import anywhere
 from animeme_stages.ingest.usd import open_stage, usd_errors
-from animeme_stages.review.view import MeshView, View
+from animeme_stages.review.view import MeshView, View, is_cover
 from animeme_stages.review.view_gltf import pack
 
 Floats = NDArray[np.float32]
@@ -163,6 +163,8 @@ class _Maker:
     def _colour(self, prim: Usd.Prim, mesh: UsdGeom.Mesh) -> tuple[float, ...]:
         """Base colour, opacity and roughness; linear."""
         material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+        if material and is_cover(material.GetPrim().GetName()):
+            return (0.0, 0.0, 0.0, 0.0, 1.0)
         surface = material.ComputeSurfaceSource()[0] if material else None
         if surface:
             colour = _value(surface, "diffuseColor")

@@ -16,7 +16,7 @@ from urllib.parse import quote
 
 from animeme.errors import InputError
 from animeme.files import unwritable, write_bytes
-from animeme.review import (
+from animeme.reviewing import (
     Detail,
     Listener,
     Performed,
@@ -44,7 +44,7 @@ _UNSAFE = re.compile(r"[^\w.\- ]+")
 def write_review(
     review: Review, output: Path, *, single_file: bool, listener: Listener
 ) -> WrittenReview:
-    """Write `review` to the folder `output`; see `animeme.review.review`.
+    """Write `review` to the folder `output`; see `animeme.reviewing.review`.
 
     Raises:
         InputError: it cannot be written.

@@ -187,7 +187,7 @@ class Findings {
       const when = finding.when_s ? `${finding.when_s[0].toFixed(2)} s` : "";
       const item = el(
         "li",
-        { class: finding.severity },
+        { class: finding.when_s ? `timed ${finding.severity}` : finding.severity },
         finding.when_s ? button(`Jump to ${when}`, () => this.jump(finding), { icon: when, class: "when" }) : null,
         el("span", { class: "message", text: `${finding.message}.` }),
         finding.action ? el("span", { class: "action", text: finding.action }) : null,

@@ -84,31 +84,31 @@ class Stage {
       this._faces = asset.faces;
     }
     const driven = asset.meshes.flatMap((mesh) => drive(mesh, shown.meshes.get(mesh.node) ?? [], names));
+    const posed = new Float64Array(names.length).fill(NaN);
     this._drawn = "";
     return {
       /** @param {ArrayLike<number>} weights */
       set: (weights) => {
+        let moved = false;
+        for (let column = 0; column < weights.length; column++) {
+          const weight = /** @type {number} */ (weights[column]);
+          moved ||= posed[column] !== weight;
+          posed[column] = weight;
+        }
+        if (!moved) return;
+        this._drawn = "";
         for (const { influences, columns, rest } of driven) {
           for (let target = 0; target < columns.length; target++) {
             const column = /** @type {number} */ (columns[target]);
             influences[target] = column < 0 ? /** @type {number} */ (rest[target]) : /** @type {number} */ (weights[column]);
           }
         }
-        const state = Array.prototype.join.call(weights, " ");
-        if (state !== this._posed.get(scene)) {
-          this._posed.set(scene, state);
-          this._drawn = "";
-        }
       },
     };
   }
 
-  /** @type {Map<Scene, string>} what each head shows */
-  _posed = new Map();
-
   clear() {
     this._scenes = [];
-    this._posed.clear();
     this._first = null;
     this._drawn = "";
   }

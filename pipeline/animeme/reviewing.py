@@ -30,6 +30,8 @@ class Performed:
 
     Attributes:
         file: the file's name, as a person would say it.
+        path: the file.
+        animation: its name in the file.
         face: the file that has the character's meshes: itself, or what it is to be played on.
         shapes: the weights that are stored in it, over canonical shape names; those that never
             leave their rest are left out.
@@ -37,6 +39,8 @@ class Performed:
     """
 
     file: str
+    path: Path
+    animation: str
     face: Path
     shapes: CurveSet
     audio_start_s: float = 0.0
@@ -140,6 +144,14 @@ class WrittenReview:
     remarks: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Pictures:
+    """What `picture` drew, and what a person should know."""
+
+    files: tuple[Path, ...]
+    remarks: tuple[str, ...] = ()
+
+
 def review(
     shown: Reviewable,
     output: Path,
@@ -171,6 +183,61 @@ def review(
         whole, output, single_file=single_file, listener=listener
     )
     return written
+
+
+def picture(
+    shown: Reviewable,
+    output: Path,
+    *,
+    lines: Sequence[str] = (),
+    worst: int | None = None,
+    strips: bool = False,
+    films: bool = False,
+    listener: Listener = lambda done, total: None,
+) -> Pictures:
+    """Draw lines without a browser: key moments as a PNG, or an MP4 with sound, for each.
+
+    Args:
+        shown, output, lines, worst, listener: as for `review`.
+        strips: draw ``<output>/<character>/<language>/<line>.png``.
+        films: draw ``….mp4``.
+
+    Raises:
+        InputError: no line fits.
+        PluginError: nothing that draws is installed.
+    """
+    chosen = choose(shown.lines, lines, worst)
+    written, remarks = [], []
+    for done, (line, detail) in enumerate(zip(chosen, shown.details(chosen), strict=True), 1):
+        base = output / line.character / line.key
+        # Of several formats the first: they hold the same motion.
+        played = next((p for p in detail.performed if p.face == p.path), None)
+        if played is None:
+            remarks.append(f"{line.key} of {line.character}: no file of it has a face to draw.")
+        for wanted, suffix, draw in (
+            (strips, ".png", _strip), (films, ".mp4", _film),
+        ):  # fmt: skip
+            if not wanted or played is None:
+                continue
+            target = base.with_name(f"{base.name}{suffix}")
+            try:
+                draw(played, line, detail, target)
+                written.append(target)
+            except InputError as error:
+                remarks.append(f"{line.key} of {line.character}: {error}")
+        listener(done, len(chosen))
+    return Pictures(tuple(written), tuple(dict.fromkeys(remarks)))
+
+
+def _strip(played: Performed, line: ReviewedLine, detail: Detail, target: Path) -> None:
+    title = f"{line.character}: {detail.text}"
+    draw = registry.stage("draw-strip")
+    draw(played.path, played.animation, detail.track, target, title=title)
+
+
+def _film(played: Performed, line: ReviewedLine, detail: Detail, target: Path) -> None:
+    draw = registry.stage("film")
+    draw(played.path, played.animation, detail.audio, detail.track, target)
 
 
 def choose(

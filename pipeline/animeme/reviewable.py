@@ -1,4 +1,4 @@
-"""What `animeme.review` shows: a run's output folder, or delivered files."""
+"""What `animeme.reviewing` shows: a run's output folder, or delivered files."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from animeme.findings import Finding, Severity, status_of
 from animeme.gathering import gather
 from animeme.job import CharacterJob, Job, read_job
 from animeme.phones import SILENCE, PhoneTrack
-from animeme.review import Detail, Performed, Reviewable, ReviewedLine
+from animeme.reviewing import Detail, Performed, Reviewable, ReviewedLine
 from animeme.validation import DEFAULT_PROFILE, validate
 
 REPORT = "report.json"
@@ -105,7 +105,7 @@ class RunReview:
         self._animations = lru_cache(_OPEN_FILES)(self._read_file)
 
     def details(self, lines: Sequence[ReviewedLine]) -> Iterator[Detail]:
-        """See `animeme.review.Reviewable`."""
+        """See `animeme.reviewing.Reviewable`."""
         wanted: dict[str, set[str]] = {}
         for line in lines:
             for file in self._outputs[line.key, line.character]:
@@ -189,7 +189,7 @@ class RunReview:
             lead_s = self._job.curves.preroll_s if self._job else 0.0
             for name, curves in clip.read_animations(path).items():
                 shapes = _moving(curves, character.rest_weights())
-                found[name] = Performed(file, asset, shapes, lead_s)
+                found[name] = Performed(file, path, name, asset, shapes, lead_s)
             break
         return found
 
@@ -270,7 +270,7 @@ class DeliveryReview:
         )  # fmt: skip
 
     def details(self, lines: Sequence[ReviewedLine]) -> Iterator[Detail]:
-        """See `animeme.review.Reviewable`."""
+        """See `animeme.reviewing.Reviewable`."""
         yield from map(self._detail, lines)
 
     def _detail(self, line: ReviewedLine) -> Detail:
@@ -278,6 +278,8 @@ class DeliveryReview:
         performed = tuple(
             Performed(
                 take.path.relative_to(self._root).as_posix(),
+                take.path,
+                take.name,
                 take.path,
                 _moving(take.shapes, take.rest),
                 take.audio_start_s,
@@ -319,7 +321,7 @@ def _performed_in(path: Path, file: str, names: set[str]) -> Mapping[str, Perfor
     rest = character.rest_weights()
     if not isinstance(form, StoredReader):
         return {
-            name: Performed(file, path, _moving(curves, rest))
+            name: Performed(file, path, name, path, _moving(curves, rest))
             for name, curves in form.read_animations(path).items()
         }
     tracks: dict[str, list[StoredTrack]] = {}
@@ -327,12 +329,12 @@ def _performed_in(path: Path, file: str, names: set[str]) -> Mapping[str, Perfor
         if track.sound:
             name = str(track.note.get("line", track.animation))
             tracks.setdefault(name, []).append(track)
-    return {
-        name: Performed(
-            file, path, _moving(seen(own, rest), rest), float(own[0].note.get("audio_start_s", 0.0))
-        )
-        for name, own in tracks.items()
-    }
+    found = {}
+    for name, own in tracks.items():
+        lead_s = float(own[0].note.get("audio_start_s", 0.0))
+        shapes = _moving(seen(own, rest), rest)
+        found[name] = Performed(file, path, own[0].animation, path, shapes, lead_s)
+    return found
 
 
 def _moving(curves: CurveSet, rest: Mapping[str, float]) -> CurveSet:
