@@ -94,7 +94,7 @@ class Heads {
     }
     this.element.classList.remove("loading", "none");
     this._says.textContent = [...notes].join(" ");
-    this._names.replaceChildren(...shown.map((take) => el("span", { text: takes.length > 1 ? `${take.side} · ${take.title} · ${take.file}` : take.file })));
+    this._names.replaceChildren(...shown.map((take) => el("span", {}, el("b", { text: takes.length > 1 ? `${take.side} · ${take.title} · ${take.file}` : take.file }))));
     this.element.dataset["ready"] = String(shown.length);
   }
 

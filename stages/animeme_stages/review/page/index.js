@@ -44,7 +44,7 @@ class IndexView {
     this._search.addEventListener("input", () => this._want({ text: this._search.value.toLowerCase() }));
     this._heads = COLUMNS.map((column) => this._header(column));
     this._body = el("div", { class: "body", role: "rowgroup" });
-    this._scroller = el("div", { class: "list", tabindex: 0, "aria-label": "Lines" }, this._body);
+    this._scroller = el("div", { class: "list", tabindex: 0 }, this._body);
     this._table = el("div", { class: "table", role: "table", "aria-label": "Lines" }, el("div", { class: "row-line head", role: "row" }, ...this._heads), this._scroller);
     root.replaceChildren(this._top(), this._filters(), this._table, this._herald.element);
     this._scroller.addEventListener("scroll", () => this._draw());
