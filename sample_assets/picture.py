@@ -13,15 +13,17 @@ from pathlib import Path
 
 import animeme
 from animeme.phones import PhoneTrack
-from preview.scene import load_scene
-from render import camera_for, strip
+from animeme_stages.pictures.played import read_played
+from animeme_stages.pictures.scene import load_scene
+from animeme_stages.pictures.strip import sheet
+from render import camera_for
 
 SAMPLE = Path(__file__).resolve().parent
 LINE = "boat"
 # Phones of "Mama bought a big blue boat for Bob" that show closures, rounding and contact.
 SHOWN = (0, 1, 4, 5, 8, 13, 15, 17, 21)
 FRAME_PX = (230, 300)
-ZOOM = 1.2
+ZOOM = 1.25
 
 
 def main() -> None:
@@ -30,6 +32,7 @@ def main() -> None:
         output = Path(folder)
         animeme.run(SAMPLE / "job.toml", output=output)
         scene = load_scene(output / "en" / "ada.glb")
+        played = read_played(scene.character, LINE)
         document = json.loads((output / "alignments" / "en" / f"{LINE}.json").read_text("utf-8"))
     track = PhoneTrack.from_document(document)
     spoken = [phone for phone in track.phones if phone.symbol != "sil"]
@@ -37,12 +40,12 @@ def main() -> None:
     for index in SHOWN:
         phone = spoken[index]
         middle_s = (phone.start_s + phone.end_s) / 2
-        frames.append(scene.weights_at(LINE, middle_s))
+        frames.append(played.weights(middle_s))
         (word,) = [w.text for w in track.words if w.start_s <= middle_s < w.end_s]
         labels.append(f"{word}  {phone.symbol}")
     camera = camera_for(scene, "face", yaw=12.0, aspect=FRAME_PX[0] / FRAME_PX[1])
     camera = replace(camera, height=camera.height / ZOOM)
-    picture = strip(scene, frames, labels, FRAME_PX, camera, supersample=3)
+    picture = sheet(scene, frames, camera, labels=labels, frame_px=FRAME_PX)
     Path(sys.argv[1]).parent.mkdir(parents=True, exist_ok=True)
     picture.save(sys.argv[1], optimize=True)
 

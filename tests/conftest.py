@@ -43,9 +43,23 @@ def shared() -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def warm_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cache folder after a run of the job that `job` gives."""
+    folder = tmp_path_factory.mktemp("warm")
+    job = small_job(folder / "job", GOOD, BAD)
+    animeme.run(job.write(), cache=folder / "cache", executor="inline")
+    return folder / "cache"
+
+
 @pytest.fixture
-def job(tmp_path: Path) -> SmallJob:
-    """A crab with a line that stays sound and one to be broken."""
+def job(tmp_path: Path, cache: Path, warm_cache: Path) -> SmallJob:
+    """A crab with a line that stays sound and one to be broken.
+
+    The user has run it before: what is sound is known, so that each of hundreds of tests takes no
+    more than what it changes.
+    """
+    shutil.copytree(warm_cache, cache, dirs_exist_ok=True)
     return small_job(tmp_path / "job", GOOD, BAD)
 
 

@@ -28,7 +28,8 @@ AUDIO_S = 2.704875
 def plain_job(tmp_path_factory: pytest.TempPathFactory) -> SmallJob:
     """A job without any settings, run once."""
     made = small_job(tmp_path_factory.mktemp("plain") / "job", "en/boat")
-    animeme.run(made.write())
+    made.timed_line()
+    animeme.run(made.write(), executor="inline")
     return made
 
 
@@ -39,19 +40,12 @@ def plain(plain_job: SmallJob) -> CurveSet:
 
 
 @pytest.fixture
-def job(tmp_path: Path, plain_job: SmallJob) -> SmallJob:
-    """The crab with one line, which is timed already: to align it again would take longest."""
+def job(tmp_path: Path) -> SmallJob:
+    """The crab with one line, which is timed already."""
     made = small_job(tmp_path / "job", "en/boat")
+    made.timed_line()
     made.sections["curves"] = {}
-    alignment = plain_job.output / "alignments/en/boat.json"
-    shutil.copy(alignment, made.dialogue / "en/boat.json")
     return made
-
-
-def add_line(job: SmallJob, key: str) -> None:
-    """The same line once more, timed too."""
-    audio = job.line(key, like="en/boat")
-    shutil.copy(job.dialogue / "en/boat.json", audio.with_name(f"{audio.stem}.json"))
 
 
 def written(job: SmallJob, file: str = "en/crab.glb", line: str = "boat") -> CurveSet:
@@ -131,7 +125,7 @@ def test_a_preroll_is_motion_before_the_audio(
 
 
 def test_curve_files_hold_what_the_asset_holds(job: SmallJob, capsys: Capture) -> None:
-    add_line(job, "en/deep/sea")
+    job.timed_line("en/deep/sea")
     job.sections["curves"] = {"export": ["csv", "json", "npz", "livelink-csv"]}
     ran = run_inline(capsys, job)
     assert ran.code == 0
@@ -152,7 +146,7 @@ def test_curve_files_hold_what_the_asset_holds(job: SmallJob, capsys: Capture) -
 
 
 def test_two_lines_that_share_a_curve_file_are_refused(job: SmallJob, capsys: Capture) -> None:
-    add_line(job, "en/boat.livelink")
+    job.timed_line("en/boat.livelink")
     job.sections["curves"] = {"export": ["csv", "livelink-csv"]}
     ran = run_inline(capsys, job)
     assert ran.code == 2
@@ -198,7 +192,7 @@ DRAWN = "time_s,MawGape,FeelerUp\n0,0,\n1,0.7,0.2\n2,0.1,0.2\n2.7,0,0.2\n"
 def test_curves_by_hand_replace_the_synthesis(job: SmallJob, capsys: Capture) -> None:
     shapes = written_shapes(job)
     put(job, "boat.curves.csv", DRAWN.replace("MawGape", shapes[0]).replace("FeelerUp", shapes[1]))
-    add_line(job, "en/other")
+    job.timed_line("en/other")
     put(job, "other.curves.csv", DRAWN.replace(",MawGape,FeelerUp", f",{shapes[0]},nothing"))
     put(job, "other.crab.curves.csv", "time_s,jawOpen\n0,0\n1,0.5\n9,0\n")
     assert run_inline(capsys, job).code == 0
@@ -218,7 +212,7 @@ def written_shapes(job: SmallJob) -> tuple[str, ...]:
 def test_exported_curves_come_back_in(job: SmallJob, plain: CurveSet, capsys: Capture) -> None:
     job.sections["curves"] = {"export": ["csv", "json", "npz"]}
     for line in ("one", "two"):
-        add_line(job, f"en/{line}")
+        job.timed_line(f"en/{line}")
     assert run_inline(capsys, job).code == 0
     exported = job.output / "curves/crab/en"
     names = ("boat.curves.csv", "one.curves.json", "two.crab.curves.npz")
@@ -248,28 +242,32 @@ def test_a_take_of_live_link_face_drives_the_line(job: SmallJob, capsys: Capture
 
 
 BAD_CURVES = [
-    ("boat.curves.csv", "MawGape\n1\n2\n", "motion-no-time", "failed"),
-    ("boat.curves.csv", "time_s,MawGape\n0,0\n2,1\n1,1\n", "motion-time-order", "failed"),
-    ("boat.curves.csv", "frame,jawOpen\n0,0\n24,1\n", "motion-rate", "failed"),
-    ("boat.curves.csv", "time_s,tail\n0,0\n1,1\n", "curves-unknown", "failed"),
-    ("boat.curves.json", '{"schema": "animeme.curves/9"}', "document-kind", "failed"),
-    ("boat.curves.npz", "no", "curves-broken", "failed"),
-    ("boat.curves.csv", "time_s,jawOpen\n0,0\n1,NaN\n2.7,1\n", "curves-nan", "review"),
-    ("boat.curves.csv", "time_s,jawOpen\n0,0\n0.5,1\n", "curves-short", "review"),
+    (".curves.csv", "MawGape\n1\n2\n", "motion-no-time", "failed"),
+    (".curves.csv", "time_s,MawGape\n0,0\n2,1\n1,1\n", "motion-time-order", "failed"),
+    (".curves.csv", "frame,jawOpen\n0,0\n24,1\n", "motion-rate", "failed"),
+    (".curves.csv", "time_s,tail\n0,0\n1,1\n", "curves-unknown", "failed"),
+    (".curves.json", '{"schema": "animeme.curves/9"}', "document-kind", "failed"),
+    (".curves.npz", "no", "curves-broken", "failed"),
+    (".curves.csv", "time_s,jawOpen\n0,0\n1,NaN\n2.7,1\n", "curves-nan", "review"),
+    (".curves.csv", "time_s,jawOpen\n0,0\n0.5,1\n", "curves-short", "review"),
 ]
 
 
-@pytest.mark.parametrize(("name", "text", "code", "status"), BAD_CURVES)
-def test_bad_curves_are_told_and_mended(
-    name: str, text: str, code: str, status: str, job: SmallJob, capsys: Capture
-) -> None:
-    path = put(job, name, text)
-    run_inline(capsys, job)
-    assert code in codes(job)
-    assert job.statuses()["en/boat"] == status
-    path.unlink()
+def test_bad_curves_are_told_and_mended(job: SmallJob, capsys: Capture) -> None:
+    paths = []
+    for number, (suffix, text, _, _) in enumerate(BAD_CURVES):
+        job.timed_line(f"en/line{number}")
+        paths.append(put(job, f"line{number}{suffix}", text))
+    assert run_inline(capsys, job).code == 1
+    statuses = job.statuses()
+    assert statuses.pop("en/boat") == "ok"
+    for number, (_, _, code, status) in enumerate(BAD_CURVES):
+        assert code in codes(job, f"en/line{number}")
+        assert statuses[f"en/line{number}"] == status
+    for path in paths:
+        path.unlink()
     assert run_inline(capsys, job).code == 0
-    assert job.statuses()["en/boat"] == "ok"
+    assert set(job.statuses().values()) == {"ok"}
 
 
 def test_files_by_hand_without_a_line_are_told(job: SmallJob, capsys: Capture) -> None:
@@ -324,19 +322,21 @@ STALE = [
 ]
 
 
-@pytest.mark.parametrize(("text", "code"), STALE)
-def test_a_stale_edit_is_for_review_and_fails_nothing(
-    text: str, code: str, job: SmallJob, capsys: Capture
-) -> None:
-    put(job, "boat.edits.toml", text)
+def test_a_stale_edit_is_for_review_and_fails_nothing(job: SmallJob, capsys: Capture) -> None:
+    for number, (text, _) in enumerate(STALE):
+        job.timed_line(f"en/line{number}")
+        put(job, f"line{number}.edits.toml", text)
     assert run_inline(capsys, job).code == 0
-    assert codes(job) == [code]
-    assert job.statuses() == {"en/boat": "review"}
-    assert "boat" in job.animations()
+    statuses = job.statuses()
+    assert statuses.pop("en/boat") == "ok"
+    assert set(statuses.values()) == {"review"}
+    for number, (_, code) in enumerate(STALE):
+        assert codes(job, f"en/line{number}") == [code]
+        assert f"line{number}" in job.animations()
 
 
 def test_broken_edits_fail_their_line_alone(job: SmallJob, capsys: Capture) -> None:
-    add_line(job, "en/other")
+    job.timed_line("en/other")
     put(job, "boat.edits.toml", OFFSET.replace("by = 0.3", "bye = 0.3"))
     assert run_inline(capsys, job).code == 1
     assert job.statuses() == {"en/boat": "failed", "en/other": "ok"}

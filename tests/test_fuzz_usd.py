@@ -43,7 +43,7 @@ def fuzz(kind: str, seed: int, count: int, folder: Path, first: int = 0) -> dict
     return ends
 
 
-@pytest.mark.parametrize(("kind", "count"), [("usda", 110), ("usdc", 40)])
+@pytest.mark.parametrize(("kind", "count"), [("usda", 60), ("usdc", 25)])
 def test_a_few_damaged_files(tmp_path: Path, kind: str, count: int) -> None:
     assert {"written", "asset-unreadable"} <= set(fuzz(kind, 1, count, tmp_path))
 

@@ -247,7 +247,9 @@ def test_layouts_that_an_asset_cannot_have_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_job_writes_a_clip_per_line(tmp_path: Path, capsys: Capture) -> None:
-    job = small_job(tmp_path / "job", "en/boat", "de/boat")
+    job = small_job(tmp_path / "job")
+    job.timed_line("en/boat")
+    job.timed_line("de/boat")
     job.sections["characters.crab"]["layout"] = "animation-only"
     ran = run_inline(capsys, job)
     assert ran.code == 0
@@ -264,7 +266,8 @@ def test_a_job_writes_a_clip_per_line(tmp_path: Path, capsys: Capture) -> None:
 def test_a_job_writes_vrma_for_an_avatar_and_refuses_what_is_none(
     tmp_path: Path, capsys: Capture
 ) -> None:
-    job = small_job(tmp_path / "job", "en/boat")
+    job = small_job(tmp_path / "job")
+    job.timed_line()
     job.sections["characters.crab"] |= {"asset": "ada.vrm", "rig": "arkit", "layout": "vrma"}
     text, chunks = split_glb((SAMPLE / "ada.glb").read_bytes())
     saved(job.folder / "ada.vrm", glb(text, *chunks))

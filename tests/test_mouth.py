@@ -17,8 +17,8 @@ import pytest
 
 from animeme.findings import RunReport
 from animeme.phones import Phone, PhoneTrack
+from animeme_stages.pictures.scene import load_scene
 from conftest import LANGUAGES
-from preview.scene import load_scene
 from support.mouth import MouthPoints, ada_mouth, ict_mouth
 
 CLOSED = 0.02
@@ -47,7 +47,7 @@ def check_closures(mouth: MouthPoints, line: str, track: PhoneTrack) -> int:
         for phone in spoken(track, frozenset({symbol})):
             share = 1.0 if symbol == "m" else 0.5
             at_s = np.linspace(phone.start_s, phone.start_s + share * phone.duration_s, 5)
-            gaps = [mouth.lip_gap(mouth.scene.weights_at(line, float(t))) for t in at_s]
+            gaps = [mouth.lip_gap(mouth.weights_at(line, float(t))) for t in at_s]
             assert max(gaps) <= CLOSED, f"{line}: /{symbol}/ at {phone.start_s:.2f} s: {gaps}"
             count += 1
     return count
@@ -57,7 +57,7 @@ def check_vowels(mouth: MouthPoints, line: str, track: PhoneTrack) -> int:
     count = 0
     for phone in spoken(track, OPEN_VOWELS):
         at_s = np.linspace(phone.start_s, phone.end_s, 7)
-        widest = max(mouth.lip_gap(mouth.scene.weights_at(line, float(t))) for t in at_s)
+        widest = max(mouth.lip_gap(mouth.weights_at(line, float(t))) for t in at_s)
         assert widest >= OPEN, f"{line}: {phone.symbol} at {phone.start_s:.2f} s: {widest:.3f}"
         count += 1
     return count
@@ -67,7 +67,7 @@ def check_labiodentals(mouth: MouthPoints, line: str, track: PhoneTrack) -> int:
     count = 0
     for phone in spoken(track, frozenset({"f", "v"})):
         middle_s = (phone.start_s + phone.end_s) / 2
-        apart = mouth.lip_to_teeth(mouth.scene.weights_at(line, middle_s))
+        apart = mouth.lip_to_teeth(mouth.weights_at(line, middle_s))
         assert apart <= CONTACT, f"{line}: /{phone.symbol}/ at {phone.start_s:.2f} s: {apart:.3f}"
         count += 1
     return count

@@ -59,7 +59,7 @@ NAMES = st.lists(
 
 
 @given(NAMES, st.text(max_size=5))
-@settings(deadline=None, derandomize=True, max_examples=150)
+@settings(deadline=None, derandomize=True, max_examples=60)
 def test_a_draft_of_any_names_is_toml(names: list[str], name: str) -> None:
     data = tomllib.loads(draft_profile(character(names), name))
     assert data["schema"] == "animeme.rig/2"

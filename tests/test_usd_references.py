@@ -118,6 +118,7 @@ def test_what_is_missing_is_no_refusal(tmp_path: Path) -> None:
 def test_a_job_may_name_a_larger_folder(tmp_path: Path, capsys: Capture) -> None:
     """Studios keep what characters share above them."""
     job = small_job(tmp_path)
+    job.timed_line()
     job.asset("crab.usdc").rename(tmp_path / "shared.usdc")
     (tmp_path / "show" / "crab").mkdir(parents=True)
     stage = Usd.Stage.CreateNew(str(tmp_path / "show" / "crab" / "crab.usda"))

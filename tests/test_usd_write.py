@@ -314,7 +314,7 @@ t.FORMAT.write(character, lines, Path(sys.argv[2]))
 def test_bytes_repeat(tmp_path: Path) -> None:
     source = hero(tmp_path / "hero.usda", old=["browUp", "jawOpen"], weights=[0.5, 0.5])
     digests = set()
-    for seed in ("0", "1", "2"):
+    for seed in ("0", "1"):
         target = tmp_path / f"out{seed}" / "hero.usdc"
         command = [
             sys.executable,

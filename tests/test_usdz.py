@@ -159,18 +159,20 @@ def test_two_gigabytes_are_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_a_job_packs_its_languages(tmp_path: Path, capsys: Capture) -> None:
-    job = small_job(tmp_path, "en/five", "de/five")
+    job = small_job(tmp_path)
+    job.timed_line("en/boat")
+    job.timed_line("de/boat")
     job.asset("crab.usdc")
     crab = job.sections["characters.crab"]
     crab |= {"asset": ["crab.glb", "crab.usdc"], "usdz": True}
     assert run_inline(capsys, job).code == 0
     assert "crab.usdz" in job.report()["outputs"]
-    assert job.animations("crab.usdz") >= {"five"}
+    assert job.animations("crab.usdz") >= {"boat"}
     before = digest(job.output / "crab.usdz")
     assert run_inline(capsys, job).code == 0
     assert digest(job.output / "crab.usdz") == before
     with zipfile.ZipFile(job.output / "crab.usdz") as package:
-        assert "sound/de/five.wav" in package.namelist()
+        assert "sound/de/boat.wav" in package.namelist()
     # Broken, then mended.
     crab["layout"] = "per-line"
     run_inline(capsys, job).says("characters.crab.usdz", "cannot be packed")

@@ -14,9 +14,9 @@ import pytest
 
 import animeme
 from animeme.findings import RunReport
+from animeme_stages.pictures.scene import load_scene
 from animeme_stages.retarget.profile_files import shipped_profile
 from conftest import SAMPLE
-from preview.scene import load_scene
 from sculpt.ada import build_ada
 from sculpt.glb import write_glb
 from sculpt.mesh import Mesh
@@ -67,10 +67,10 @@ def test_a_viseme_head_closes_and_opens(viseme_run: tuple[RunReport, Path]) -> N
         for line, track in tracks(output / "alignments" / language).items():
             for phone in spoken(track, frozenset("pbm")):
                 at_s = phone.start_s + 0.3 * phone.duration_s
-                closures.append(mouth.lip_gap(mouth.scene.weights_at(line, at_s)))
+                closures.append(mouth.lip_gap(mouth.weights_at(line, at_s)))
             for phone in spoken(track, OPEN_VOWELS):
                 at_s = np.linspace(phone.start_s, phone.end_s, 7)
-                gaps = [mouth.lip_gap(mouth.scene.weights_at(line, float(t))) for t in at_s]
+                gaps = [mouth.lip_gap(mouth.weights_at(line, float(t))) for t in at_s]
                 openings.append(max(gaps))
     assert len(closures) > 30
     assert np.mean(np.array(closures) <= CLOSED) >= 0.85

@@ -124,6 +124,7 @@ def align_lines(
     voices: Path | None,
     output: Path | None,
     format: str,
+    plot: Path | None = None,
     fail_on: Severity = Severity.ERROR,
     listener: Listener = lambda _: None,
 ) -> AlignReport:
@@ -139,6 +140,7 @@ def align_lines(
         voices: folder of learned voices, or one voice for all lines, or None.
         output: where the timings go, as the lines are laid out in `folder`; None writes nothing.
         format: of the timings, as the stage ``write-timings`` calls it.
+        plot: where a picture of each line that has timings goes, laid out likewise; None for none.
         fail_on: severity at which the report's exit code turns 1.
         listener: told of progress.
 
@@ -157,9 +159,13 @@ def align_lines(
     if output is not None:
         _require_writable(output)
         _require_free(folder, output, [*lines.values()], [t for t in targets if t], lexicon)
+    plots = [None if plot is None else plot / f"{id}.png" for id in lines]
+    if plot is not None:
+        _require_writable(plot)
+        _require_free(folder, plot, [*lines.values()], [p for p in plots if p], lexicon)
     items = [
-        AlignItem(line, aligner, lexicon, voices, target, format)
-        for line, target in zip(lines.values(), targets, strict=True)
+        AlignItem(line, aligner, lexicon, voices, target, format, picture)
+        for line, target, picture in zip(lines.values(), targets, plots, strict=True)
     ]
     results = executor.run(name_of(align_line), items, timeout_s=LINE_TIMEOUT_S, retries=RETRIES)
     ids = list(lines)

@@ -193,6 +193,7 @@ def align_folder(
     aligner: str = "pocketsphinx",
     lexicon: str | Path | None = None,
     voices: str | Path | None = None,
+    plot: str | Path | None = None,
     executor: Literal["inline", "local"] = "inline",
     workers: int | None = None,
     fail_on: str = "error",
@@ -210,6 +211,7 @@ def align_folder(
         aligner: a registered aligner.
         lexicon: pronunciations that go before the aligner's own.
         voices: folder of learned voices, or one voice for all lines; see `learn_voices`.
+        plot: folder for a picture per line that has timings; None draws nothing.
         executor, workers, listener: as for `run`.
         fail_on: severity at which `AlignReport.exit_code` turns 1.
 
@@ -240,6 +242,7 @@ def align_folder(
             voices=_path(voices),
             output=_path(output),
             format=format,
+            plot=_path(plot),
             fail_on=severity,
             listener=listener,
         )

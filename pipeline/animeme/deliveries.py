@@ -163,7 +163,7 @@ def _delivery(path: Path, source: Path | None, rig: str) -> Delivery:
     try:
         form = registry.format_of(path)
         character = form.load(path, within=anywhere(path))
-        tracks = tuple(form.stored(character)) if isinstance(form, StoredReader) else ()
+        tracks = tracks_of(form, character) if isinstance(form, StoredReader) else ()
         original = (
             None
             if source is None
@@ -177,14 +177,22 @@ def _delivery(path: Path, source: Path | None, rig: str) -> Delivery:
         return Delivery(path, size, form, error=failed)
     bound, why = _bound(rig, character)
     if not isinstance(form, StoredReader):
-        tracks = tuple(_as_stored(form, path))
+        tracks = tracks_of(form, character)
     return Delivery(path, size, form, character, bound, why, tracks, source=original)
 
 
-def _as_stored(form: Format, path: Path) -> Iterator[StoredTrack]:
-    """What a format without `StoredReader` plays."""
-    for name, curves in form.read_animations(path).items():
-        yield StoredTrack(name, name, curves.names, curves.times_s, curves.weights)
+def tracks_of(form: Format, character: Character) -> tuple[StoredTrack, ...]:
+    """The weight animations of a character's file, in file order.
+
+    Raises:
+        InputError: they cannot be read.
+    """
+    if isinstance(form, StoredReader):
+        return tuple(form.stored(character))
+    return tuple(
+        StoredTrack(name, name, curves.names, curves.times_s, curves.weights)
+        for name, curves in form.read_animations(character.source).items()
+    )
 
 
 def _bound(rig: str, character: Character) -> tuple[BoundRig | None, str]:
@@ -284,7 +292,12 @@ def _is_called(name: str, line: Line) -> bool:
 
 
 def seen(tracks: Sequence[StoredTrack], rest: Mapping[str, float]) -> CurveSet:
-    """What is seen of all shapes; the first track that has a shape decides."""
+    """What is seen of all shapes; the first track that has a shape decides.
+
+    Args:
+        tracks: at least one, all of them sound.
+        rest: canonical shape → weight when nothing drives it; other shapes are left out.
+    """
     played = [track.played or (track.times_s, track.weights) for track in tracks]
     times_s = np.unique(np.concatenate([entry[0] for entry in played]))
     weights = {name: np.full(len(times_s), weight) for name, weight in rest.items()}

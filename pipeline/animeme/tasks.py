@@ -176,6 +176,7 @@ class AlignItem:
         voices: folder of learned voices, or None.
         output: file to write if the line is good, or None.
         format: its format, as the stage ``write-timings`` calls it.
+        plot: picture to draw of any line that has timings, or None.
     """
 
     line: Line
@@ -184,6 +185,7 @@ class AlignItem:
     voices: Path | None
     output: Path | None
     format: str
+    plot: Path | None = None
 
 
 AssetLine = tuple[int, str, float, str, Path]
@@ -405,6 +407,13 @@ def align_line(item: AlignItem) -> LineOutcome:
     if good and timed.track is not None and item.output is not None:
         try:
             registry.stage("write-timings")(timed.track, item.output, item.format)
+        except InputError as error:
+            findings.append(Finding.from_error(error))
+    if timed.track is not None and item.plot is not None:
+        try:
+            registry.stage("plot-alignment")(
+                line.audio, timed.track, findings, item.plot, title=line.key
+            )
         except InputError as error:
             findings.append(Finding.from_error(error))
     return LineOutcome(timed.audio_s, steps.for_line(findings, line.key), timed.score)

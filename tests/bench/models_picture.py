@@ -17,13 +17,16 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 from shipped_model import mapped
 
 import animeme
 from animeme.phones import Phone, PhoneTrack
-from preview.scene import load_scene
-from render import camera_for, strip
+from animeme_stages.pictures import style
+from animeme_stages.pictures.played import read_played
+from animeme_stages.pictures.scene import load_scene
+from animeme_stages.pictures.strip import sheet
+from render import camera_for
 
 SAMPLE = Path(__file__).resolve().parents[2] / "sample_assets"
 LINE = "boat"
@@ -60,20 +63,20 @@ def row(asset: Path, model: str, file: Path | None, *, labelled: bool) -> Image.
         folder, output = Path(name), Path(name) / "out"
         animeme.run(job(folder, asset.resolve(), model, file), output=output)
         scene = load_scene(output / "en" / "one.glb")
+        played = read_played(scene.character, LINE)
         document = json.loads((output / "alignments" / "en" / f"{LINE}.json").read_text("utf-8"))
     track = PhoneTrack.from_document(document)
     spoken = [phone for phone in track.phones if phone.symbol != "sil"]
     shown = [spoken[index] for index in SHOWN]
-    frames = [scene.weights_at(LINE, (phone.start_s + phone.end_s) / 2) for phone in shown]
+    frames = [played.weights((phone.start_s + phone.end_s) / 2) for phone in shown]
     labels = [label(track, phone) for phone in shown] if labelled else []
     camera = camera_for(scene, "mouth", yaw=12.0, aspect=FRAME_PX[0] / FRAME_PX[1])
     camera = replace(camera, height=camera.height / ZOOM)
-    frames_image = strip(scene, frames, labels, FRAME_PX, camera, supersample=3)
-    image = Image.new("RGB", (MARGIN_PX + frames_image.width, frames_image.height), (250, 250, 250))
+    frames_image = sheet(scene, frames, camera, labels=labels, frame_px=FRAME_PX)
+    image = Image.new("RGB", (MARGIN_PX + frames_image.width, frames_image.height), style.PAPER)
     image.paste(frames_image, (MARGIN_PX, 0))
     middle = (MARGIN_PX / 2, FRAME_PX[1] / 2)
-    font = ImageFont.load_default(size=14)
-    ImageDraw.Draw(image).text(middle, model, fill=(60, 60, 66), font=font, anchor="mm")
+    ImageDraw.Draw(image).text(middle, model, fill=style.INK, font=style.font(14), anchor="mm")
     return image
 
 

@@ -9,16 +9,18 @@ import { AnimationMixer, LoopOnce, Texture } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { MeshoptDecoder } from "meshoptimizer";
 import { VRMAnimationLoaderPlugin } from "@pixiv/three-vrm-animation";
+import { dracoLoader } from "./draco.mjs";
 
 globalThis.self ??= globalThis;
 globalThis.ProgressEvent ??= class extends Event {};
 console.warn = () => {};
+const draco = dracoLoader();
 
 // Pictures need a browser; weights do not need pictures.
 const withoutTextures = () => ({ name: "none", loadTexture: async () => new Texture() });
 
 async function load(file) {
-  const loader = new GLTFLoader().setMeshoptDecoder(MeshoptDecoder);
+  const loader = new GLTFLoader().setMeshoptDecoder(MeshoptDecoder).setDRACOLoader(draco);
   loader.register(withoutTextures);
   loader.register((parser) => new VRMAnimationLoaderPlugin(parser));
   let data = readFileSync(file);

@@ -31,7 +31,17 @@ class Request:
 
 
 def shape_keys(requests: list[Request], folder: Path) -> list[Values]:
-    """Object → shape key → its value at each time, for each request; skips without Blender."""
+    """Object → shape key → its value at each time, for each request; skips without Blender.
+
+    Of a glTF, an object is called after its node, "/nodes/3", a key after the index of its target.
+    """
+    results = answers(requests, folder)
+    assert [result for result in results if isinstance(result, str)] == []
+    return [result for result in results if not isinstance(result, str)]
+
+
+def answers(requests: list[Request], folder: Path) -> list[Values | str]:
+    """The same, with the sentence in which Blender says why it cannot import a file."""
     python = os.environ.get("ANIMEME_BLENDER_PYTHON") or str(PYTHON)
     if not Path(python).is_file():
         pytest.skip("no Blender: run `make blender`, or name a Python in ANIMEME_BLENDER_PYTHON")
@@ -40,5 +50,5 @@ def shape_keys(requests: list[Request], folder: Path) -> list[Values]:
     command = [python, "-I", str(READER), str(asked), str(answered)]
     ended = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     assert answered.is_file(), ended.stderr[-2000:] + ended.stdout[-2000:]
-    results: list[Values] = json.loads(answered.read_text("utf-8"))
+    results: list[Values | str] = json.loads(answered.read_text("utf-8"))
     return results

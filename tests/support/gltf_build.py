@@ -87,7 +87,7 @@ def add_accessor(
     document: Json, binary: bytes, values: Any, *, dtype: str = "<f4", **members: Any
 ) -> tuple[int, bytes]:
     """Append a scalar accessor to document and binary; its index and the longer binary."""
-    kinds = {"<f4": 5126, "u1": 5121, "<u2": 5123}
+    kinds = {"<f4": 5126, "i1": 5120, "u1": 5121, "<i2": 5122, "<u2": 5123}
     array = np.asarray(values, dtype)
     start = len(binary) + (-len(binary) % 4)
     binary = binary.ljust(start, b"\0") + array.tobytes()

@@ -8,14 +8,17 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from animeme import registry
+from animeme import run as run_job
 from animeme.cli import main
 
 SAMPLE = Path(__file__).resolve().parents[2] / "sample_assets"
@@ -76,6 +79,10 @@ class SmallJob:
             shutil.copy(SAMPLE / "dialogue" / f"{like}{suffix}", target)
         return self.dialogue / f"{key}.wav"
 
+    def timed_line(self, key: str = "en/boat") -> None:
+        """Add the sample's boat with its timings: aligning would take longer than all else."""
+        self.line(key).with_suffix(".json").write_text(boat_timings(), encoding="utf-8")
+
     def write(self) -> Path:
         """Write the job file and give its path."""
         text = ""
@@ -129,6 +136,15 @@ class SmallJob:
         """No temporary file is left anywhere in the folder."""
         left = [path for path in self.folder.rglob(".*") if not path.name.startswith(".keep")]
         assert left == []
+
+
+@cache
+def boat_timings() -> str:
+    """The alignment of the sample's boat, made once per process."""
+    with tempfile.TemporaryDirectory() as folder:
+        job = small_job(Path(folder), "en/boat")
+        run_job(job.write(), executor="inline")
+        return (job.output / "alignments" / "en" / "boat.json").read_text(encoding="utf-8")
 
 
 def small_job(folder: Path, *lines: str) -> SmallJob:

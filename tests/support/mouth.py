@@ -7,6 +7,7 @@ in the captured data of the design.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from preview.scene import Scene, SceneMesh, Weights
+from animeme_stages.pictures.scene import Scene, SceneMesh
+from support.animated import Animated
 
 Indices = NDArray[np.int64]
 Floats = NDArray[np.float64]
+Weights = Mapping[str, float]
 
 # iBUG's 68 points: inner lip, upper and lower, paired left to right; eyes.
 _UPPER_INNER = (61, 62, 63)
@@ -37,6 +40,7 @@ class MouthPoints:
         upper, lower: paired vertices of the inner lips.
         incisors: vertices of the upper incisors' edge.
         eye_distance: between the eyes' centres, scene units.
+        animated: its file's animations.
     """
 
     scene: Scene
@@ -46,11 +50,16 @@ class MouthPoints:
     lower: Indices
     incisors: Indices
     eye_distance: float
+    animated: Animated
 
     def measured_only(self) -> MouthPoints:
         """The same with only the meshes that are measured, which is quicker."""
-        meshes = [mesh for mesh in self.scene.meshes if mesh.name in (self.face, self.teeth)]
+        meshes = tuple(m for m in self.scene.meshes if m.name in (self.face, self.teeth))
         return replace(self, scene=replace(self.scene, meshes=meshes))
+
+    def weights_at(self, line: str, time_s: float) -> Weights:
+        """What the file's animation says at a time."""
+        return self.animated.weights_at(line, time_s)
 
     def lip_gap(self, weights: Weights) -> float:
         """Mean vertical distance of the inner lips, less that at rest."""
@@ -82,6 +91,7 @@ def ada_mouth(scene: Scene) -> MouthPoints:
         np.asarray(face.landmarks["lipLowerInner"])[middle],
         np.asarray(teeth.landmarks["teethUpperEdge"]),
         float(np.linalg.norm(distance)),
+        Animated(scene.character.source),
     )
 
 
@@ -103,6 +113,7 @@ def ict_mouth(scene: Scene, folder: Path) -> MouthPoints:
         _nearest(face, marks[list(_LOWER_INNER)]),
         _nearest(teeth, edge),
         float(np.linalg.norm(eyes[0] - eyes[1])),
+        Animated(scene.character.source),
     )
 
 

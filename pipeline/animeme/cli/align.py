@@ -51,6 +51,12 @@ STATUSES: tuple[LineStatus, ...] = ("ok", "review", "failed")
     help="Write the alignment to this file as well, in the --format; of a folder, to this folder.",
 )
 @shared.timing_format
+@click.option(
+    "--plot",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="FOLDER",
+    help="Draw waveform, words, phones and findings of each line: FOLDER/<line>.png.",
+)
 @shared.workers
 @shared.executor
 @shared.fail_on
@@ -69,6 +75,7 @@ def command(
     voices: Path | None,
     output: Path | None,
     form: str,
+    plot: Path | None,
     workers: int | None,
     executor: str,
     fail_on: str,
@@ -98,6 +105,7 @@ def command(
             voices=voices,
             output=output,
             form=form,
+            plot=plot,
             fail_on=fail_on,
             as_json=as_json,
         )
@@ -112,6 +120,7 @@ def command(
             aligner=aligner,
             lexicon=lexicon,
             voices=voices,
+            plot=plot,
             executor="inline" if executor == "inline" else "local",
             workers=workers,
             fail_on=fail_on,
@@ -121,7 +130,7 @@ def command(
     report = replace(report, cpu_s=cpu_s(InlineExecutor()))
     if as_json:
         click.echo(json.dumps(report.to_document(), ensure_ascii=False, indent=1))
-    _summarize(report, to_stderr=as_json)
+    _summarize(report, plot, to_stderr=as_json)
     return report.exit_code
 
 
@@ -135,6 +144,7 @@ def _one(
     voices: Path | None,
     output: Path | None,
     form: str,
+    plot: Path | None,
     fail_on: str,
     as_json: bool,
 ) -> int:
@@ -159,6 +169,11 @@ def _one(
     )
     if output is not None:
         registry.stage("write-timings")(alignment.track, output, form)
+    if plot is not None:
+        picture = plot / f"{audio.stem}.png"
+        draw = registry.stage("plot-alignment")
+        draw(audio, alignment.track, alignment.findings, picture, title=audio.name)
+        click.echo(f"Wrote {picture}.", err=True)
     for finding in alignment.findings:
         click.echo(str(finding), err=True)
     if as_json:
@@ -168,8 +183,8 @@ def _one(
     return exit_code_of(alignment.findings, Severity.parse(fail_on))
 
 
-def _summarize(report: AlignReport, *, to_stderr: bool) -> None:
-    """Counts, the worst lines and why, and where the timings are."""
+def _summarize(report: AlignReport, plot: Path | None, *, to_stderr: bool) -> None:
+    """Counts, the worst lines and why, and where the timings and their pictures are."""
     bad = [line for line in report.lines if line.status != "ok"]
     bad.sort(key=lambda line: line.status != "failed")
     for line in bad[:SHOWN_LINES]:
@@ -186,9 +201,11 @@ def _summarize(report: AlignReport, *, to_stderr: bool) -> None:
         err=to_stderr,
     )
     written = sum(line.output is not None for line in report.lines)
-    if report.output is None:
+    if plot is not None:
+        click.echo(f"Pictures of the lines are in '{plot}'.", err=to_stderr)
+    elif report.output is None:
         click.echo("Nothing was written: --output names a folder for timings.", err=to_stderr)
-    else:
+    if report.output is not None:
         click.echo(f"Timings of {written} lines are in '{report.output}'.", err=to_stderr)
 
 

@@ -21,7 +21,7 @@ _EXTRAS = {
     "chinese": "Mandarin Chinese",
     "espeak": "all but English, Chinese, Japanese; speech for lines without a recording",
     "japanese": "Japanese",
-    "video": "the sound of MP4, M4A and QuickTime files",
+    "video": "the sound of MP4, M4A and QuickTime files, and films of lines",
     "all": "every optional part",
     "dev": "tools to work on animeme itself",
 }

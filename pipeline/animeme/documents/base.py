@@ -13,7 +13,8 @@ Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 class Document(BaseModel):
     """Base of all documents: frozen, and strangers among the members are errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    # Validators are built when first used: most commands read few of the kinds.
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, defer_build=True)
 
 
 def _as_list(value: Any) -> Any:

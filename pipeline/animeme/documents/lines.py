@@ -58,7 +58,7 @@ class CurvesDocument(Document):
 class ModelDocument(BaseModel):
     """A model: its name, parameters and whatever tables it learned."""
 
-    model_config = ConfigDict(extra="allow", frozen=True, populate_by_name=True)
+    model_config = ConfigDict(extra="allow", frozen=True, populate_by_name=True, defer_build=True)
 
     schema_: Literal["animeme.model/1"] = Field(alias="schema")
     model: str = Field(description="Name of the registered model that reads this document.")

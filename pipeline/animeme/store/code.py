@@ -13,7 +13,7 @@ import json
 import os
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache, cached_property
 from importlib.metadata import packages_distributions
 from importlib.util import find_spec
@@ -86,10 +86,9 @@ class CodeDigests:
         key = f"imports:{name}:{digest}"
         if key not in self._imports:
             noted = self._index.note(key)
-            found = json.loads(noted) if noted else sorted(set(_imports(name, path)))
-            self._imports[key] = tuple(found)
+            self._imports[key] = tuple(json.loads(noted)) if noted else _imports(name, path, digest)
             if noted is None:
-                self._index.set_note(key, json.dumps(found))
+                self._index.set_note(key, json.dumps(self._imports[key]))
         return self._imports[key]
 
     def _data_of(self, folder: str) -> str:
@@ -112,7 +111,7 @@ class CodeDigests:
         key = f"brought-by:{module}:{state}"
         noted = self._index.note(key)
         if noted is None:
-            noted = json.dumps(sorted(set(packages_distributions().get(module, ()))))
+            noted = json.dumps(sorted(set(_distributions(state).get(module, ()))))
             self._index.set_note(key, noted)
         found: list[str] = json.loads(noted)
         return found
@@ -133,7 +132,19 @@ class CodeDigests:
         return found
 
 
-def _imports(name: str, path: str) -> Iterator[str]:
+@cache
+def _distributions(state: str) -> Mapping[str, list[str]]:
+    """Distributions by the modules that they bring; `state` tells what is remembered."""
+    return packages_distributions()
+
+
+@cache
+def _imports(name: str, path: str, digest: str) -> tuple[str, ...]:
+    """Names that a module imports, sorted; `digest`, of the file, tells what is remembered."""
+    return tuple(sorted(set(_imported_names(name, path))))
+
+
+def _imported_names(name: str, path: str) -> Iterator[str]:
     package = name if path.endswith("__init__.py") else name.rpartition(".")[0]
     try:
         tree = ast.parse(Path(path).read_bytes())

@@ -89,7 +89,11 @@ class Decoded:
 
 
 def decode(path: Path) -> Decoded:
-    """All samples, whole and finite, of at least one channel."""
+    """All samples of a recording, whole and finite, of at least one channel.
+
+    Raises:
+        InputError: missing, empty, damaged or truncated, or its extra is not installed.
+    """
     if not path.is_file():
         raise InputError(
             "audio-missing",

@@ -1,10 +1,11 @@
-"""What glTF buffers hold: URIs made safe, float accessors, weight animations."""
+"""What glTF buffers hold: URIs made safe, accessors, weight animations."""
 
 from __future__ import annotations
 
 import base64
 import binascii
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -17,10 +18,13 @@ from animeme.curves import CurveSet
 from animeme.errors import InputError
 from animeme.rig import Character
 from animeme_stages.ingest.glb import Container, open_container, unreadable
+from animeme_stages.ingest.gltf_accessor import (
+    AccessorError,
+    CompressedError,
+    accessor_floats,
+    accessor_values,
+)
 from animeme_stages.ingest.gltf_document import mark_of
-
-_FLOAT = 5126
-_WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
 def local_file(path: Path, uri: str) -> Path:
@@ -80,7 +84,7 @@ def external_uris(root: Mapping[str, Any]) -> list[str]:
 
 
 class Buffers:
-    """Reads float accessors of one container; each buffer is read once, when first needed."""
+    """Reads accessors of one container; each buffer is read once, when first needed."""
 
     def __init__(self, container: Container) -> None:
         self.container = container
@@ -95,24 +99,49 @@ class Buffers:
         return data.data
 
     def floats(self, index: int) -> NDArray[np.float32]:
-        """A dense float accessor, shape (count, components).
+        """The values of an accessor of real numbers, shape (count, components).
 
         Raises:
-            InputError: it is of another type, or leaves its buffer.
+            InputError: ``animation-compressed``; ``asset-unreadable``: it leaves its buffer, or
+                holds no such numbers.
         """
-        root = self.container.json
-        accessor = root["accessors"][index]
-        sparse = "sparse" in accessor or "bufferView" not in accessor
-        if accessor["componentType"] != _FLOAT or sparse:
-            raise unreadable(self.container.path, f"accessor {index} is not dense floats")
-        view = root["bufferViews"][accessor["bufferView"]]
-        width = _WIDTH[accessor["type"]]
-        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-        data = self.buffer(view["buffer"])
-        size = accessor["count"] * width * 4
-        if size < 0 or start + size > len(data):
-            raise unreadable(self.container.path, f"accessor {index} leaves its buffer")
-        return np.frombuffer(data, np.float32, size // 4, start).reshape(-1, width)
+        with self._followed(index):
+            return accessor_floats(self.container.json, index, self.buffer)
+
+    def values(self, index: int) -> NDArray[Any]:
+        """The values of any accessor, shape (count, components); normalized ones are floats.
+
+        Raises:
+            InputError: as of `floats`.
+        """
+        with self._followed(index):
+            return accessor_values(self.container.json, index, self.buffer)
+
+    @contextmanager
+    def _followed(self, index: int) -> Iterator[None]:
+        try:
+            yield
+        except CompressedError as error:
+            raise InputError(
+                "animation-compressed",
+                f"uses accessor {index}, whose data is compressed",
+                place=str(self.container.path),
+                action="Export it without compressing animations, if it is to be read.",
+            ) from error
+        except AccessorError as error:
+            raise unreadable(self.container.path, f"accessor {index} {error}") from error
+
+    def view(self, index: int) -> memoryview:
+        """The bytes of a buffer view.
+
+        Raises:
+            InputError: it leaves its buffer.
+        """
+        view = self.container.json["bufferViews"][index]
+        data, start = self.buffer(view["buffer"]), view.get("byteOffset", 0)
+        if start < 0 or start + view["byteLength"] > len(data):
+            raise unreadable(self.container.path, f"buffer view {index} leaves its buffer")
+        return data[start : start + view["byteLength"]]
 
     def buffer(self, index: int) -> memoryview:
         """A whole buffer.
@@ -144,9 +173,9 @@ class Buffers:
 
 
 def weight_animations(container: Container, character: Character) -> dict[str, CurveSet]:
-    """Weight curves of every linear float animation, over canonical shape names.
+    """Weight curves of every linear animation, over canonical shape names.
 
-    Animations of others that are broken, or in a form that is not read, are left out.
+    Animations of others that are broken, compressed or not linear, are left out.
 
     Raises:
         InputError: an animation of ours is broken.

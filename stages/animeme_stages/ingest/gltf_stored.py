@@ -65,7 +65,9 @@ def _tracks(
             sampler = animation["samplers"][channel["sampler"]]
             yield _track(name, place, shapes, note, sampler, mesh, buffers)
         except InputError as error:
-            yield _faulty(name, place, shapes, note, "animation-broken", f"it {error.problem}")
+            compressed = error.code == "animation-compressed"
+            code = error.code if compressed else "animation-broken"
+            yield _faulty(name, place, shapes, note, code, f"it {error.problem}")
         except _BROKEN as error:
             said = f"its sampler cannot be followed ({error})"
             yield _faulty(name, place, shapes, note, "animation-broken", said)

@@ -13,6 +13,7 @@ import numpy as np
 from animeme.files import atomic_path, write_text
 from animeme.phones import SILENCE
 from animeme.training import Comparison
+from animeme_stages.pictures import style
 
 # More controls than this make a plot that nobody can read: those that move most are drawn.
 MOST_CONTROLS = 6
@@ -36,8 +37,7 @@ def plot(compared: Comparison, controls: Sequence[str], path: Path) -> tuple[Pat
     import matplotlib
 
     matplotlib.use("agg")
-    # Ids in SVG are random unless salted.
-    with matplotlib.rc_context({"svg.hashsalt": "animeme", "svg.fonttype": "none"}):
+    with matplotlib.rc_context(style.plot_settings()):
         index = _typical(compared, controls)
         figure = _figure(compared, controls, index)
         png, page = path.with_suffix(".png"), path.with_suffix(".html")
@@ -66,6 +66,7 @@ def _typical(compared: Comparison, controls: Sequence[str]) -> int:
 def _figure(compared: Comparison, controls: Sequence[str], index: int) -> Any:
     from matplotlib.figure import Figure
 
+    ink, rule = style.hexadecimal(style.INK), style.hexadecimal(style.RULE)
     line = compared.lines[index]
     values = np.concatenate([entry.values for entry in compared.lines])
     spread = np.nan_to_num(np.nanstd(values, axis=0))
@@ -73,13 +74,15 @@ def _figure(compared: Comparison, controls: Sequence[str], index: int) -> Any:
     figure = Figure(figsize=(11, 1.2 + 1.7 * len(shown)), layout="constrained")
     axes = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True))
     for axis, column in zip(axes, shown, strict=True):
-        axis.plot(line.times_s, line.values[:, column], "k.-", lw=1.6, ms=4, label="captured")
+        axis.plot(
+            line.times_s, line.values[:, column], ".-", color=ink, lw=1.6, ms=4, label="captured"
+        )
         for name, curves in compared.curves.items():
             if controls[column] in curves[index].names:
                 curve = curves[index]
                 axis.plot(curve.times_s, curve.curve(controls[column]), lw=1.2, label=name)
         for phone in line.track.phones[1:]:
-            axis.axvline(phone.start_s, color="0.85", lw=0.6, zorder=0)
+            axis.axvline(phone.start_s, color=rule, lw=0.6, zorder=0)
         axis.set_ylabel(controls[column])
         axis.margins(x=0)
     for symbol, phone in zip(line.track.ipa(), line.track.phones, strict=True):
@@ -91,7 +94,7 @@ def _figure(compared: Comparison, controls: Sequence[str], index: int) -> Any:
     axes[-1].set_xlabel("seconds")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", fontsize=8, ncols=4)
-    figure.suptitle(f"{line.id}: captured and modelled", fontsize=11)
+    figure.suptitle(f"{line.id}: captured and modelled", fontsize=11, weight="bold")
     return figure
 
 

@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
+import scipy  # its parts load when they are first used
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from animeme_stages.retarget.profile_files import arkit_controls
 
@@ -68,7 +68,7 @@ def solve(controls: Floats, poses: Sequence[Mapping[str, float]]) -> Floats:
     weights = np.zeros((len(controls), len(poses)))
     padding = np.zeros(len(poses) + 1)
     for frame, wanted in enumerate(target):
-        weights[frame] = nnls(system, np.concatenate([wanted, padding]))[0]
+        weights[frame] = scipy.optimize.nnls(system, np.concatenate([wanted, padding]))[0]
     return weights
 
 

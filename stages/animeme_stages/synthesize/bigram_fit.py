@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BSpline
+import scipy  # its parts load when they are first used
 
 from animeme.curves import Floats
 from animeme.dataset import CapturedLine, Dataset, Listener
@@ -37,7 +37,9 @@ def polygon_matrix(points: int = POINTS) -> Floats:
     """From a polygon of even points to its spline at `LOCAL`, shape (SAMPLES, points)."""
     degree = min(3, points - 1)
     # Points at the Greville abscissae, for which the spline's time is its parameter.
-    return np.asarray(BSpline.design_matrix(LOCAL, _knots(points), degree).toarray())
+    return np.asarray(
+        scipy.interpolate.BSpline.design_matrix(LOCAL, _knots(points), degree).toarray()
+    )
 
 
 def greville(points: int = POINTS) -> Floats:

@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BSpline
+import scipy  # its parts load when they are first used
 
 from animeme.curves import Floats
 from animeme.phones import SILENCE
@@ -66,7 +66,9 @@ def spline(times: Sequence[float], weights: Sequence[float]) -> Floats:
     degree = min(3, len(times) - 1)
     inner = np.linspace(0.0, 1.0, len(times) - degree + 1)
     knots = np.concatenate([np.zeros(degree), inner, np.ones(degree)])
-    curve = BSpline(knots, np.stack([times, weights], axis=1), degree)(np.linspace(0, 1, 129))
+    curve = scipy.interpolate.BSpline(knots, np.stack([times, weights], axis=1), degree)(
+        np.linspace(0, 1, 129)
+    )
     along = np.maximum.accumulate(curve[:, 0])
     found: Floats = np.interp(LOCAL, along, curve[:, 1])
     return found

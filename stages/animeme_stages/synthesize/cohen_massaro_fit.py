@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.sparse
+import scipy  # its parts load when they are first used
 
 from animeme.curves import Floats
 from animeme.dataset import Dataset, Listener

@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-import scipy.linalg
-import scipy.sparse
+import scipy  # its parts load when they are first used
 
 from animeme.curves import Floats
 from animeme_stages.synthesize.dominance import Dominance

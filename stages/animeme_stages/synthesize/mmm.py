@@ -15,9 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
-import scipy.linalg
-import scipy.optimize
-import scipy.sparse
+import scipy  # its parts load when they are first used
 
 from animeme.curves import Floats, interpolate
 from animeme.dataset import Dataset, Listener, folds

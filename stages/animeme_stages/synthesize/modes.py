@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy  # its parts load when they are first used
 
 from animeme.curves import Floats
 from animeme_stages.synthesize.fitted import spreads
@@ -239,7 +239,11 @@ def _resampled(phones: Spoken, times_s: Floats, values: Floats) -> Floats:
     columns = []
     for column in range(values.shape[1]):
         known = np.isfinite(values[:, column])
-        spline = CubicSpline(times_s[known], values[known, column]) if known.sum() > 1 else None
+        spline = (
+            scipy.interpolate.CubicSpline(times_s[known], values[known, column])
+            if known.sum() > 1
+            else None
+        )
         found = spline(at_s) if spline else np.zeros(at_s.shape)
         # A spline through a gap may swing; motion stays within what was captured.
         limits = (np.nanmin(values[:, column]), np.nanmax(values[:, column]))

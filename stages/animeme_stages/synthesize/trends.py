@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.linalg
-import scipy.sparse
+import scipy  # its parts load when they are first used
 
 from animeme.curves import Floats
 from animeme_stages.synthesize.articulation import CLASSES, class_of

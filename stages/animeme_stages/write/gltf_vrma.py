@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy  # its parts load when they are first used
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from animeme.contracts import LineAnimation, Verify, unverified
 from animeme.curves import CurveSet
@@ -177,7 +177,9 @@ def _solved(
         ]
     ).reshape(len(shapes), len(used))
     rows = line.curves.weights
-    weights = np.array([nnls(mixed, row)[0] for row in rows]) if used and shapes else None
+    weights = (
+        np.array([scipy.optimize.nnls(mixed, row)[0] for row in rows]) if used and shapes else None
+    )
     weights = np.zeros((len(rows), len(used))) if weights is None else np.minimum(weights, 1.0)
     error = np.abs(weights @ mixed.T - rows).max(axis=0, initial=0.0)
     if (error > _CLOSE).any():

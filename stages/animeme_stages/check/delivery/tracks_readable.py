@@ -29,6 +29,11 @@ class TracksReadable:
             "A track points at something that is not there.",
             "Export the animation anew.",
         ),
+        "animation-compressed": Code(
+            Severity.INFO,
+            "A track is compressed, and nothing is said of it.",
+            "Validate the file before it is compressed.",
+        ),
     }
     limits: ClassVar[Mapping[str, LimitSpec]] = {}
 
