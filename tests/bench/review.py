@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -49,7 +50,8 @@ def lay_out(folder: Path, count: int) -> Path:
             base, name = ids[number % len(ids)], f"scene{number // 100:02}/line{number:04}"
             key = f"{language}/{name}"
             for suffix in (".wav", ".txt"):
-                link(SAMPLE / "dialogue" / source / f"{base}{suffix}", folder / "dialogue" / f"{key}{suffix}")  # fmt: skip
+                recorded = SAMPLE / "dialogue" / source / f"{base}{suffix}"
+                link(recorded, folder / "dialogue" / f"{key}{suffix}")
             link(small / "alignments" / source / f"{base}.json", run / "alignments" / f"{key}.json")
             animations.append(LineAnimation(name, language, known[base], known[base].duration_s))
             entries.append(entry(key, language, number))
@@ -94,15 +96,18 @@ def entry(key: str, language: str, number: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def write(run: Path, output: Path, worst: int) -> float:
-    """Seconds that the command takes, start to end."""
+def write(run: Path, output: Path, worst: int) -> tuple[float, float]:
+    """Seconds that the command takes, start to end, by the clock and of a processor."""
     before = time.perf_counter()
+    cpu = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(
         [sys.executable, "-c", "from animeme.cli import main; main()", "review", str(run),
          "--output", str(output), "--worst", str(worst)],
         check=True, stderr=subprocess.DEVNULL,
     )  # fmt: skip
-    return time.perf_counter() - before
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu_s = used.ru_utime + used.ru_stime - cpu.ru_utime - cpu.ru_stime
+    return time.perf_counter() - before, cpu_s
 
 
 def open_list(output: Path) -> None:
@@ -116,7 +121,7 @@ def open_list(output: Path) -> None:
         page.wait_for_selector(".body .row-line")
         shown.settle()
         loaded = page.evaluate("performance.getEntriesByType('navigation')[0].duration")
-        painted = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")  # fmt: skip
+        painted = page.evaluate("performance.getEntriesByType('paint').at(-1).startTime")
         print(f"list: shown after {painted / 1e3:.2f} s, loaded after {loaded / 1e3:.2f} s")
         page.click("text=With a page")
         for name, act in {
@@ -152,12 +157,12 @@ def main() -> None:
             run = lay_out(folder, asked.lines)
         output = folder / "review"
         shutil.rmtree(output, ignore_errors=True)
-        took_s = write(run, output, asked.worst)
+        took_s, cpu_s = write(run, output, asked.worst)
         files = [path for path in output.rglob("*") if path.is_file()]
         size = sum(path.stat().st_size for path in files)
         shared = len(list((output / "assets").iterdir()))
         print(
-            f"pages: {asked.worst} of {asked.lines} lines in {took_s:.1f} s, "
+            f"pages: {asked.worst} of {asked.lines} lines in {took_s:.1f} s ({cpu_s:.1f} s of a processor), "
             f"{len(files)} files, {size / 1e6:.1f} MB, {shared} of them shared by all"
         )
         print(f"list: {(output / 'index.html').stat().st_size / 1e6:.1f} MB")

@@ -27,8 +27,10 @@ _MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _KEPT = frozenset(
     {*_MESHOPT, "KHR_mesh_quantization", "KHR_materials_unlit", "KHR_texture_transform"}
 )
-_ROOT = ("asset", "scene", "scenes", "nodes", "meshes", "skins", "materials", "textures", "images",
-         "samplers", "accessors", "bufferViews")  # fmt: skip
+# Accessors and buffer views are copied where they are used: most may be of animations.
+_ROOT = (
+    "scene", "scenes", "nodes", "meshes", "skins", "materials", "textures", "images", "samplers",
+)  # fmt: skip
 
 
 def view_gltf(path: Path) -> View:
@@ -184,7 +186,7 @@ class _Copier:
 
     def _accessors(self) -> None:
         root = self._root
-        accessors = root.get("accessors", [])
+        accessors = self._source.get("accessors", [])
         used: dict[int, int] = {}
 
         def moved(index: int) -> int:
@@ -202,8 +204,9 @@ class _Copier:
         for skin in root.get("skins", []):
             if "inverseBindMatrices" in skin:
                 skin["inverseBindMatrices"] = moved(skin["inverseBindMatrices"])
-        kept = [accessors[index] for index in used]
+        kept = [deepcopy(accessors[index]) for index in used]
         for accessor in kept:
+            self._strip(accessor)
             holders = [accessor]
             if "sparse" in accessor:
                 holders += [accessor["sparse"]["indices"], accessor["sparse"]["values"]]
