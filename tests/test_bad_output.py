@@ -51,7 +51,7 @@ def test_a_file_in_the_way_of_an_output_folder_fails_the_lines(
     expect_success(job, run_inline(capsys, job))
 
 
-@pytest.mark.parametrize("name", ["run.jsonl", "report.json", "summary.md"])
+@pytest.mark.parametrize("name", ["run.jsonl", "report.json", "junit.xml"])
 def test_a_folder_in_the_way_of_a_report_is_named(
     name: str, job: SmallJob, capsys: Capture
 ) -> None:

@@ -28,7 +28,10 @@ from support.jobs import (
 from support.schemas import validate
 
 # What `run --json` says beyond the report.
-EFFORT = {"output", "wall_s", "cpu_s", "known_lines", "files", "known_files", "step_s"}
+EFFORT = {
+    *("output", "wall_s", "cpu_s", "real_time_factor", "known_lines", "files", "known_files"),
+    *("step_s", "step_results"),
+}
 
 
 def job_of_two(folder: Path) -> SmallJob:
@@ -83,7 +86,7 @@ def test_run_writes_what_its_help_promises(ran_in_two: Ran, two: SmallJob) -> No
     alignments = [
         f"alignments/{line}.json" for line in ("de/boat", "en/boat", "en/five", "es/boat")
     ]
-    reports = ["report.json", "run.jsonl", "summary.md"]
+    reports = ["junit.xml", "report.json", "report.sarif", "run.jsonl", "summary.md"]
     assert sorted(digests(two.output)) == sorted([*delivered, *alignments, *reports])
     assert two.animations("en/ada.glb") == two.animations("en/ada.usdc") == {"boat", "five"}
 

@@ -13,6 +13,7 @@ from pxr import Usd
 from animeme.files import sha256
 from animeme.findings import RunReport
 from animeme.phones import PhoneTrack
+from animeme.plan import REPORT_NAMES
 from animeme_stages.ingest.glb import open_container
 from animeme_stages.write.gltf_harm import harm
 from conftest import LANGUAGES, SAMPLE
@@ -51,7 +52,7 @@ def test_report_document_says_the_same(sample_run: Run) -> None:
 
 def test_nothing_else_is_left_behind(sample_run: Run) -> None:
     report, output = sample_run
-    known = {*report.outputs, "report.json", "summary.md", "run.jsonl"}
+    known = {*report.outputs, *REPORT_NAMES}
     known |= {f"alignments/{language}/{line}.json" for language in LANGUAGES for line in LINES}
     found = {p.relative_to(output).as_posix() for p in output.rglob("*") if p.is_file()}
     assert found == known

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -66,3 +67,39 @@ def test_a_list_of_changes_is_read(tmp_path: Path) -> None:
     assert read_changed(path) == ("vo/en/all.wav", "de/ada/act1/a")
     with pytest.raises(InputError):
         read_changed(tmp_path / "none")
+
+
+MARKS = (("en/boat", "fix"), ("en/five", "good"), ("de/boat", "fix"), ("en/boat", "fix"))
+
+
+def test_of_a_review_pages_marks_those_to_fix_are_the_list(tmp_path: Path) -> None:
+    document = {
+        "schema": "animeme.marks/1",
+        "job": "sample",
+        "marks": [{"line": k, "character": "ada", "mark": m, "note": 'a "b"'} for k, m in MARKS],
+    }
+    (tmp_path / "marks.json").write_text(json.dumps(document), encoding="utf-8")
+    rows = [f'{key},ada,{mark},"a ""b"", c"' for key, mark in MARKS]
+    table = "\r\n".join(["line,character,mark,note", *rows])
+    (tmp_path / "marks.csv").write_text(table, encoding="utf-8-sig")
+    (tmp_path / "list.csv").write_text("vo/en/boat.wav\n", encoding="utf-8")
+    assert read_changed(tmp_path / "marks.json") == ("en/boat", "de/boat")
+    assert read_changed(tmp_path / "marks.csv") == ("en/boat", "de/boat")
+    assert read_changed(tmp_path / "list.csv") == ("vo/en/boat.wav",)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("marks.json", '{"schema": "animeme.report/1"}', "no document of marks"),
+        ("marks.json", '{"schema": "animeme.marks/1", "marks": [{"line": "a"}]}', "mark 1 needs"),
+        ("marks.json", '{"schema": "animeme.marks/1", "marks": [7]}', "mark 1 needs"),
+        ("marks.json", "[", "cannot be read|Expecting value"),
+        ("marks.csv", "line,character,mark,note\na,ada,maybe,\n", "mark 1 needs"),
+        ("marks.csv", "line,character,mark,note\na\n", "mark 1 needs"),
+    ],
+)
+def test_broken_marks_are_refused(name: str, text: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=words):
+        read_changed(tmp_path / name)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     )
     from animeme.crossmapping import crossmap
     from animeme.errors import AnimemeError, InputError, JobError, PluginError
+    from animeme.selection import Selection, read_changed
     from animeme.training import evaluate, read_dataset, save_model, train
 
 # Loaded when first used, so that `import animeme` and `animeme --help` are quick.
@@ -39,6 +40,7 @@ _HOMES = {
     "speak": "animeme.api",
     "strip": "animeme.api",
     "crossmap": "animeme.crossmapping",
+    "read_changed": "animeme.selection",
     "evaluate": "animeme.training",
     "read_dataset": "animeme.training",
     "save_model": "animeme.training",
@@ -47,6 +49,7 @@ _HOMES = {
     "InputError": "animeme.errors",
     "JobError": "animeme.errors",
     "PluginError": "animeme.errors",
+    "Selection": "animeme.selection",
 }
 
 __all__ = [
@@ -54,6 +57,7 @@ __all__ = [
     "InputError",
     "JobError",
     "PluginError",
+    "Selection",
     "align",
     "align_folder",
     "crossmap",
@@ -61,6 +65,7 @@ __all__ = [
     "learn_voices",
     "load_character",
     "load_model",
+    "read_changed",
     "read_dataset",
     "rehearse",
     "review",

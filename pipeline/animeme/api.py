@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -24,6 +25,7 @@ from animeme.reviewing import WrittenReview
 from animeme.reviewing import review as write_review
 from animeme.rig import Character
 from animeme.runner import Listener, Shard, run_job, run_shard
+from animeme.selection import EVERYTHING, Selection
 from animeme.steps import Means, align_speech
 from animeme.store.memory import Memory, default_store, memory
 from animeme.voices import VoicesReport
@@ -42,6 +44,7 @@ def run(
     rehash: bool = False,
     shard: str | None = None,
     listener: Listener = lambda _: None,
+    selection: Selection = EVERYTHING,
 ) -> RunReport:
     """Run a job file: characters and dialogue in, animated assets out.
 
@@ -59,6 +62,9 @@ def run(
         shard: "I/N" does the I-th of N parts of the lines, for the store alone; a run without it,
             with the same store, then writes the files.
         listener: told of progress.
+        selection: the lines that are wanted, see `animeme.Selection`. Files that hold one of them
+            are written, with all their lines; lines that nobody asked for are as they were
+            delivered last. All other files stay as they are.
 
     Returns:
         The report that is also written to the output folder.
@@ -66,7 +72,7 @@ def run(
     Raises:
         JobError: the job cannot be run; all reasons at once.
         PluginError: a plug-in that it needs cannot be loaded.
-        InputError: the output folder cannot be written.
+        InputError: the output folder cannot be written, or the selection fits no line.
         ValueError: an argument is none of those that are listed.
 
     Example:
@@ -86,9 +92,10 @@ def run(
         form = replace(form, speak=True)
 
     def work(chosen: Executor, remembered: Memory) -> RunReport:
-        if part is not None:
-            return run_shard(form, chosen, remembered, part, fail_on=severity, listener=listener)
-        return run_job(form, chosen, remembered, fail_on=severity, listener=listener)
+        begin = run_job if part is None else partial(run_shard, shard=part)
+        return begin(
+            form, chosen, remembered, fail_on=severity, listener=listener, selection=selection
+        )
 
     with memory(store_of(form, cache), rehash=rehash) as remembered:
         if executor == "inline":
@@ -104,18 +111,19 @@ def rehearse(
     speak: bool = False,
     cache: str | Path | Literal[False] | None = None,
     rehash: bool = False,
+    selection: Selection = EVERYTHING,
 ) -> Rehearsal:
     """Say what `run` would do with these arguments, and why; nothing is written.
 
     Raises:
-        JobError, PluginError: as of `run`.
+        JobError, PluginError, InputError: as of `run`.
     """
     form = read_job(Path(job), output=Path(output) if output is not None else None, check=False)
     if speak:
         form = replace(form, speak=True)
     folder = store_of(form, cache)
     with memory(folder, rehash=rehash, dry=folder is not None) as remembered:
-        return rehearsal.rehearse(form, remembered)
+        return rehearsal.rehearse(form, remembered, selection)
 
 
 def store_of(job: Job, cache: str | Path | Literal[False] | None = None) -> Path | None:

@@ -7,10 +7,13 @@ import unicodedata
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import groupby
+from operator import attrgetter, itemgetter
 from pathlib import Path
 
 from animeme import registry
 from animeme.errors import InputError
+from animeme.files import walk
 from animeme.findings import Finding, Severity
 from animeme.languages import find_tag, language_tag
 
@@ -22,7 +25,7 @@ TIMING_SUFFIXES = (".textgrid", ".eaf", ".vtt", ".srt", ".ctm", ".marks")
 UNSURE_SUFFIXES = (".json", ".jsonl", ".tsv")
 # Files of these kinds alone are no line: a folder may hold subtitles and lists of many things.
 ABOUT_SUFFIXES = (".eaf", ".vtt", ".srt", ".ctm", ".marks", *UNSURE_SUFFIXES)
-_SUFFIXES = AUDIO_SUFFIXES + TEXT_SUFFIXES + TIMING_SUFFIXES + UNSURE_SUFFIXES
+_SUFFIXES = frozenset(AUDIO_SUFFIXES + TEXT_SUFFIXES + TIMING_SUFFIXES + UNSURE_SUFFIXES)
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,8 @@ class Line:
     @property
     def key(self) -> str:
         """``<language>/<id>``, or ``<language>/<character>/<id>`` for one character's line."""
+        if self.language and self.id and not self.character:  # most lines, and asked for often
+            return f"{self.language}/{self.id}"
         return "/".join(part for part in (self.language, self.character, self.id) if part)
 
 
@@ -131,11 +136,14 @@ def find_lines(
     known = {composed(name): name for name in characters}
     groups: dict[tuple[str, str, str], list[Path]] = defaultdict(list)
     for folder in sorted(entry for entry in root.iterdir() if entry.is_dir()):
-        for file in files_below(folder, root, without):
-            parts = file.relative_to(folder).with_suffix("").parts
-            character = known.get(composed(parts[0]), "") if len(parts) > 1 else ""
-            name = composed("/".join(parts[1:] if character else parts))
-            groups[find_tag(folder.name) or folder.name, character, name].append(file)
+        language = find_tag(folder.name) or folder.name
+        for place, names in _places_below(folder, root, without):
+            parts = place.relative_to(folder).parts
+            character = known.get(composed(parts[0]), "") if parts else ""
+            start = "".join(f"{part}/" for part in (parts[1:] if character else parts))
+            for name in names:
+                stem = composed(start + os.path.splitext(name)[0])
+                groups[language, character, stem].append(place / name)
     return lines_of_files(groups)
 
 
@@ -172,14 +180,21 @@ def folders_with_lines(root: Path, *, without: Path | None = None) -> tuple[tupl
 
 def files_below(folder: Path, root: Path, without: Path | None) -> Iterator[Path]:
     """Files that may belong to a line; nothing hidden below `root`, nothing below `without`."""
-    for file in sorted(folder.rglob("*")):
-        if file.suffix.lower() not in _SUFFIXES:
-            continue
-        hidden = any(part.startswith(".") for part in file.relative_to(root).parts)
-        if hidden or (without is not None and file.is_relative_to(without)):
-            continue
-        if file.is_file():
-            yield file
+    for place, names in _places_below(folder, root, without):
+        yield from (place / name for name in names)
+
+
+def _places_below(
+    folder: Path, root: Path, without: Path | None
+) -> Iterator[tuple[Path, list[str]]]:
+    """As `files_below`, by the folder that they are in."""
+    hidden = any(part.startswith(".") for part in folder.relative_to(root).parts)
+    if hidden or (without is not None and folder.is_relative_to(without)):
+        return
+    below = walk(str(folder), without="" if without is None else str(without))
+    wanted = (found for found in below if os.path.splitext(found[1])[1].lower() in _SUFFIXES)
+    for place, found in groupby(wanted, key=itemgetter(0)):
+        yield Path(place), [name for _, name in found]
 
 
 def lines_of_files(groups: Mapping[tuple[str, str, str], list[Path]]) -> tuple[Line, ...]:
@@ -189,16 +204,17 @@ def lines_of_files(groups: Mapping[tuple[str, str, str], list[Path]]) -> tuple[L
         groups: (language, character, id) → files.
     """
     lines = (_line(*key, files) for key, files in groups.items())
-    return tuple(sorted((line for line in lines if line is not None), key=lambda line: line.key))
+    return tuple(sorted((line for line in lines if line is not None), key=attrgetter("key")))
 
 
 def _line(language: str, character: str, name: str, files: list[Path]) -> Line | None:
     """The line that `files` are about; None if they are about something else."""
-    if all(file.suffix.lower() in ABOUT_SUFFIXES for file in files):
+    suffixes = [os.path.splitext(file)[1].lower() for file in files]
+    if all(suffix in ABOUT_SUFFIXES for suffix in suffixes):
         return None
     kinds: dict[str, list[Path]] = defaultdict(list)
-    for file in files:
-        kinds[kind_of(file)].append(file)
+    for file, suffix in zip(files, suffixes, strict=True):
+        kinds[_KINDS.get(suffix) or kind_of(file)].append(file)
     # A film beside a recording is what the line looks like, not a second recording.
     sounds = [file for file in kinds["audio"] if file.suffix.lower() not in FILM_SUFFIXES]
     audio, texts = sounds or kinds["audio"], kinds["text"]
@@ -252,6 +268,10 @@ def voice_path(voices: Path, language: str, character: str) -> Path:
     return folder / f"{character or language}.voice"
 
 
+_KINDS = {".txt": "text", **dict.fromkeys(AUDIO_SUFFIXES, "audio")}
+"""What a suffix tells by itself; most files' do."""
+
+
 def kind_of(file: Path) -> str:
     """What a file is to its line: "audio", "text", "timings", "mouth shapes" or "other".
 
@@ -272,9 +292,9 @@ def kind_of(file: Path) -> str:
 
 def composed(name: str) -> str:
     """A name in composed form (NFC): file systems differ in the one that they keep."""
-    return unicodedata.normalize("NFC", name)
+    return name if name.isascii() else unicodedata.normalize("NFC", name)
 
 
 def shown(name: str) -> str:
     """A file name as it can be written down: bytes that are not UTF-8 become escapes."""
-    return os.fsencode(name).decode("utf-8", "backslashreplace")
+    return name if name.isascii() else os.fsencode(name).decode("utf-8", "backslashreplace")

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 from animeme.errors import InputError
 
@@ -68,10 +71,65 @@ def write_text(target: Path, text: str) -> None:
         scratch.write_text(text, encoding="utf-8", newline="\n")
 
 
+def update_text(target: Path, text: str) -> None:
+    """As `write_text`, but a file that says just that already is left alone."""
+    data = text.encode()
+    with suppress(OSError):
+        if target.stat().st_size == len(data) and target.read_bytes() == data:
+            return
+    write_bytes(target, data)
+
+
+_encoded = json.JSONEncoder(ensure_ascii=False).encode
+
+
+def json_text(document: Mapping[str, Any]) -> str:
+    """A document as JSON with a line for each member, and one for each element of its lists.
+
+    Faster than an indented one by far, and easier to read where elements are alike.
+    """
+    members = []
+    for name, value in document.items():
+        if isinstance(value, list) and value:
+            rows = ",\n  ".join(map(_encoded, value))
+            members.append(f" {_encoded(name)}: [\n  {rows}\n ]")
+        else:
+            members.append(f" {_encoded(name)}: {_encoded(value)}")
+    return "{\n" + ",\n".join(members) + "\n}\n"
+
+
 def write_bytes(target: Path, data: bytes, *, durable: bool = True) -> None:
     """Write `data` to `target`, atomically; see `atomic_path`."""
     with atomic_path(target, durable=durable) as scratch:
         scratch.write_bytes(data)
+
+
+def walk(folder: str, *, without: str = "") -> Iterator[tuple[str, str]]:
+    """Folder and name of each file below a folder, in the order of their paths' parts.
+
+    Nothing hidden, and nothing behind a link to a folder. There may be as many as lines, so these
+    are strings, and what the system tells with a name is not asked for again.
+
+    Args:
+        folder: where to look; it need not be there.
+        without: a folder that is left out.
+    """
+    try:
+        with os.scandir(folder) as found:
+            entries = sorted(found, key=_name_of)
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        return
+    for entry in entries:
+        if entry.name.startswith("."):
+            continue
+        if entry.is_dir(follow_symlinks=False):
+            if not without or os.path.normpath(entry.path) != without:
+                yield from walk(entry.path, without=without)
+        elif entry.is_file():
+            yield folder, entry.name
+
+
+_name_of = attrgetter("name")
 
 
 def stamp(path: str | Path) -> str:

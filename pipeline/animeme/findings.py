@@ -133,6 +133,7 @@ class Effort:
         lines, files: how many there are to make.
         known_lines, known_files: how many of them were there already.
         step_s: step → CPU seconds that it took, over all workers.
+        step_results: step → how many of its results were made, and how many found in the store.
     """
 
     lines: int = 0
@@ -140,6 +141,7 @@ class Effort:
     known_lines: int = 0
     known_files: int = 0
     step_s: Mapping[str, float] = field(default_factory=dict)
+    step_results: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -169,6 +171,25 @@ class RunReport:
     def audio_s(self) -> float:
         """Seconds of audio, each recording once, however many characters speak it."""
         return sum({line.line: line.audio_s for line in self.lines}.values())
+
+    @property
+    def real_time_factor(self) -> float:
+        """Seconds of audio per second of the run, 0 where that is not known."""
+        return self.audio_s / self.wall_s if self.wall_s else 0.0
+
+    def figures(self) -> dict[str, Any]:
+        """What varies from run to run, for ``run.jsonl`` and ``--json``."""
+        effort = asdict(self.effort)
+        effort["step_results"] = {
+            step: {"made": made, "found": found}
+            for step, (made, found) in self.effort.step_results.items()
+        }
+        return {
+            "wall_s": self.wall_s,
+            "cpu_s": self.cpu_s,
+            "real_time_factor": round(self.real_time_factor, 3),
+            **effort,
+        }
 
     @property
     def all_findings(self) -> tuple[Finding, ...]:

@@ -7,6 +7,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -50,6 +51,7 @@ class Ledger:
         known_lines, known_files: how many an earlier run had done.
         files: how many files there are to write.
         step_s: step → CPU seconds over all workers.
+        step_results: step → how many of its results were made, and how many found in the store.
     """
 
     plan: Plan
@@ -58,13 +60,14 @@ class Ledger:
     spoken: set[int] = field(default_factory=set)
     findings: dict[int, list[Finding]] = field(default_factory=lambda: defaultdict(list))
     general: list[Finding] = field(default_factory=list)
-    outputs: dict[tuple[int, str], set[Path]] = field(default_factory=lambda: defaultdict(set))
-    written: set[Path] = field(default_factory=set)
+    outputs: dict[tuple[int, str], set[str]] = field(default_factory=lambda: defaultdict(set))
+    written: set[str] = field(default_factory=set)
     curves: dict[int, dict[int, tuple[str, str]]] = field(default_factory=dict)
     known_lines: int = 0
     known_files: int = 0
     files: int = 0
     step_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    step_results: dict[str, tuple[int, int]] = field(default_factory=dict)
     _failed: set[int] = field(default_factory=set)
     _lost: dict[str, list[Finding]] = field(default_factory=dict)
 
@@ -73,14 +76,22 @@ class Ledger:
         self.log.write(_event(event, data))
         self.log.flush()
 
-    def take_up(self, outcomes: Mapping[int, LineOutcome]) -> None:
-        """Take in lines, by number, that an earlier run did as this one would."""
+    def take_up(self, outcomes: Mapping[int, LineOutcome], how: str = "known") -> None:
+        """Take in lines, by number, that an earlier run did as this one would.
+
+        Args:
+            outcomes: what became of them.
+            how: "known", or "outdated" if their inputs have changed since.
+        """
         self.known_lines += len(outcomes)
         at = _now()
         for number, outcome in outcomes.items():
             self._end(number, outcome)
-            line = {"line": self.plan.lines[number].key, "status": self._status(number)}
-            self.log.write(_event("line", {**line, "outcome": "known"}, at))
+            key, status = self.plan.lines[number].key, self._status(number)
+            self.log.write(
+                f'{{"event": "line", "at": "{at}", "line": {_quoted(key)}, '
+                f'"status": "{status}", "outcome": "{how}"}}\n'
+            )
         self.log.flush()
 
     def end_line(self, item: LineItem, result: Result) -> None:
@@ -94,8 +105,10 @@ class Ledger:
             self._add(item.number, [replace(fault, line=item.line.key)])
         else:
             self._end(item.number, outcome)
-            for step, seconds, _ in outcome.effort:
+            for step, seconds, hit in outcome.effort:
                 self.step_s[step] += seconds
+                made, found = self.step_results.get(step, (0, 0))
+                self.step_results[step] = (made + (not hit), found + hit)
             if outcome.effort and all(found for *_, found in outcome.effort):
                 self.known_lines += 1
             anew = {step for step, _, found in outcome.effort if not found}
@@ -115,14 +128,20 @@ class Ledger:
             self._add(number, outcome.findings)
 
     def _status(self, number: int) -> LineStatus:
-        return status_of(self.findings.get(number, ()))
+        findings = self.findings.get(number)
+        return status_of(findings) if findings else "ok"
 
-    def take_up_asset(self, item: AssetItem, outcome: AssetOutcome) -> None:
-        """Take in a file that an earlier run wrote as this one would."""
-        self.known_files += 1
-        self._end_asset(item, outcome.outputs, outcome.findings)
-        what = {"output": self._relative(item.output), "lines": len(item.lines)}
-        self.log.write(_event("asset", {**what, "outcome": "known"}))
+    def take_up_assets(self, known: Iterable[tuple[AssetItem, AssetOutcome]]) -> None:
+        """Take in files that an earlier run wrote as this one would."""
+        at = _now()
+        for item, outcome in known:
+            self.known_files += 1
+            self._end_asset(item, outcome.outputs, outcome.findings)
+            self.log.write(
+                f'{{"event": "asset", "at": "{at}", "output": '
+                f'{_quoted(self._relative(item.output))}, "lines": {len(item.lines)}, '
+                '"outcome": "known"}\n'
+            )
 
     def end_asset(self, item: AssetItem, result: Result) -> None:
         """Take in how the work on a file ended: its findings go to the lines in it."""
@@ -138,19 +157,20 @@ class Ledger:
         self, item: AssetItem, outputs: Sequence[Path], findings: Sequence[Finding]
     ) -> None:
         character = self.plan.targets[item.target].character
+        paths = [*map(str, outputs)]
         for number, name, *_ in item.lines:
             if findings:
                 line = self.plan.lines[number].key
                 own = (finding for finding in findings if finding.line in ("", name))
                 self._add(number, (replace(f, line=line, character=character) for f in own))
-            self.outputs[number, character].update(outputs)
-        self.written.update(outputs)
+            self.outputs[number, character].update(paths)
+        self.written.update(paths)
 
     def take_up_assembly(self, item: AssemblyItem, outcome: AssetOutcome) -> None:
         """Take in a file that joins languages and was there already."""
         self.known_files += 1
         self.general += outcome.findings
-        self.written.update(outcome.outputs)
+        self.written.update(map(str, outcome.outputs))
         self.record("assembly", output=self._relative(item.output), outcome="known")
 
     def end_assembly(self, item: AssemblyItem, result: Result) -> None:
@@ -161,7 +181,7 @@ class Ledger:
         self.step_s["write"] += result.cpu_s
         # Its lines are in the languages' own files: what is wrong here fails none of them.
         self.general += [replace(finding, character=character) for finding in findings]
-        self.written |= set(outcome.outputs if outcome else ())
+        self.written.update(map(str, outcome.outputs if outcome else ()))
         self.record("assembly", output=self._relative(item.output), **_effort(result))
 
     def good(self, character: str) -> dict[int, float]:
@@ -182,8 +202,7 @@ class Ledger:
         """Every file that is there as this run would write it, alignments included."""
         output, lines = self.plan.job.output, self.plan.lines
         good = {number for number, length_s in self.audio_s.items() if length_s} - self._failed
-        fresh = {str(path) for path in self.written}
-        fresh |= {alignment_file(output, lines[number]) for number in good}
+        fresh = self.written | {alignment_file(output, lines[number]) for number in good}
         return fresh | {speech_file(output, lines[number]) for number in self.spoken - self._failed}
 
     @property
@@ -221,6 +240,7 @@ class Ledger:
                 self.known_lines,
                 self.known_files,
                 {step: round(seconds, 3) for step, seconds in sorted(self.step_s.items())},
+                dict(sorted(self.step_results.items())),
             ),
         )
 
@@ -249,13 +269,22 @@ class Ledger:
             paths,
         )
 
-    def _relative(self, path: Path) -> str:
+    def _relative(self, path: Path | str) -> str:
         """A path below the output folder; there may be as many as lines."""
-        return str(path)[len(str(self.plan.job.output)) + 1 :]
+        return str(path)[self._start :]
+
+    @cached_property
+    def _start(self) -> int:
+        return len(str(self.plan.job.output)) + 1
 
 
 def _now() -> str:
     return time.strftime("%Y-%m-%dT%H:%M:%S%z")
+
+
+_quoted = json.encoder.encode_basestring
+"""A text as JSON; an event of what is known is written out by hand, there may be as many as lines.
+"""
 
 
 def _event(event: str, data: Mapping[str, Any], at: str = "") -> str:

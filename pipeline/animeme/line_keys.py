@@ -52,9 +52,7 @@ class Keyring:
         self.targets = tuple(targets)
         self._delivers = deliver
         self._lexicon = LexiconParts(memory, job.aligner, job.lexicon)
-        self._parts: dict[int, Parts] = {}
         self._keys: dict[int, str] = {}
-        self._lines: dict[str, int] = {}
         self._codes: dict[str, str] = {}
         self._common: dict[str, Parts] = {}
         self._models: list[str] = []
@@ -148,31 +146,26 @@ class Keyring:
         self, lines: Iterable[tuple[int, Line, tuple[int, ...]]], spool: Path
     ) -> list[LineItem]:
         """Items of work for lines (number, line, indices of targets), each with its keys."""
-        root = self.job.dialogue.root
-        self.memory.digests.load(*([root] if root else []), self.job.output)
-        context = self.context
-        items = []
-        for number, line, targets in lines:
-            speakers = dict.fromkeys(self.targets[index].character for index in targets)
-            keys, stamps, parts = self._line(line, tuple(speakers))
-            items.append(LineItem(line, targets, spool, number, keys, stamps))
-            if keys.align:
-                self._parts[number] = parts
-                self._lines[line.key] = number
-                content = [keys.align, *(text for entry in keys.by_hand for text in entry)]
-                for index in targets:
-                    model, rig = context.prefixes[index]
-                    own = self.targets[index].model is not None  # whose its remarks are
-                    content += [model if self._drawn(line, index) is None else "", rig, str(own)]
-                self._keys[number] = key_of("line", content)
-        return items
+        return [self._item(number, line, targets, spool) for number, line, targets in lines]
+
+    def _item(self, number: int, line: Line, targets: tuple[int, ...], spool: Path) -> LineItem:
+        keys, stamps, _ = self._line(line, targets)
+        if keys.align:
+            content = [keys.align, *(text for entry in keys.by_hand for text in entry)]
+            for index in targets:
+                model, rig = self.context.prefixes[index]
+                own = self.targets[index].model is not None  # whose its remarks are
+                content += [model if self._drawn(line, index) is None else "", rig, str(own)]
+            self._keys[number] = key_of("line", content)
+        return LineItem(line, targets, spool, number, keys, stamps)
 
     def _drawn(self, line: Line, target: int) -> Path | None:
         return drawn(line, self.targets[target].character) if line.side_cars else None
 
     def _line(
-        self, line: Line, speakers: Sequence[str]
+        self, line: Line, targets: Sequence[int]
     ) -> tuple[LineKeys, tuple[tuple[str, str], ...], Parts]:
+        """Keys of a line's results, stamps of its files, and what of them people are told of."""
         files = Files(self.memory.digests.look)
         parts = {} if line.findings else parts_of("align", line, LINE, files)
         if not parts:
@@ -189,7 +182,7 @@ class Keyring:
         if None in (digest for *_, digest in cars) or parts["voice"] == _UNREADABLE:
             return LineKeys(""), tuple(files.stamps), {}
         by_hand = []
-        for speaker in speakers if cars else ():
+        for speaker in dict.fromkeys(self.targets[i].character for i in targets) if cars else ():
             own = [car for car in cars if car[1] in ("", speaker)]
             said = parts["text"] if any(kind == "edits" for kind, *_ in own) else ""
             if own:
@@ -202,19 +195,26 @@ class Keyring:
 
     def _voice(self, line: Line, files: Files) -> str:
         """What of the job's voices the line's alignment is keyed on."""
-        voices = self.job.voices
-        if voices is None:
+        path = self._voice_file(line)
+        if path is None:
             return "-"
-        path = voices
-        if not self._one_voice:
-            path = voice_path(voices, line.language, line.character)
-        if path not in self._voices:
-            self._voices[path] = self.memory.digests.look(path)
         digest, stamped = self._voices[path]
         files.stamps.append((str(path), stamped))
         if digest is None:
             return _UNREADABLE
         return "-" if digest == ABSENT else f"{path.name} {digest}"
+
+    def _voice_file(self, line: Line) -> Path | None:
+        """Where the line's voice is, or would be; None if the job has none."""
+        voices = self.job.voices
+        if voices is None:
+            return None
+        path = voices
+        if not self._one_voice:
+            path = voice_path(voices, line.language, line.character)
+        if path not in self._voices:
+            self._voices[path] = self.memory.digests.look(path)
+        return path
 
     @cached_property
     def _one_voice(self) -> bool:

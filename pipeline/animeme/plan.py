@@ -21,7 +21,7 @@ from animeme.tasks import (
     speech_file,
 )
 
-REPORT_NAMES = ("report.json", "summary.md", "run.jsonl")
+REPORT_NAMES = ("report.json", "summary.md", "junit.xml", "report.sarif", "run.jsonl")
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,13 @@ class Plan:
         """
         if line.character:
             return (line.character,)
-        names = [character.name for character in self.job.characters]
-        return tuple(n for n in names if (line.language, n, line.id) not in self._own)
+        if not self._own:
+            return self._names
+        return tuple(n for n in self._names if (line.language, n, line.id) not in self._own)
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(character.name for character in self.job.characters)
 
     @cached_property
     def _own(self) -> frozenset[tuple[str, str, str]]:
@@ -112,18 +117,24 @@ class Plan:
     def _first_of(self) -> Mapping[str, Target]:
         return {target.character: target for target in reversed(self.targets)}
 
+    def curve_files_of(self, target: Target, line: Line) -> Iterator[Path]:
+        """The curve files that go with a line's animation on a target."""
+        return (path for _, path in self._curve_files(target, line))
+
     def curve_files(self) -> Iterator[Path]:
         """Every curve file that the run may write; none twice, if no two lines clash."""
-        for target in self.targets:
+        for target in self.targets if self.job.curves.export else ():
             for line in self._lines_of(target):
-                yield from (path for _, path in self._curve_files(target, line))
+                yield from self.curve_files_of(target, line)
 
-    def assembly_items(self, written: Collection[Path], spool: Path) -> list[AssemblyItem]:
+    def assembly_items(self, written: Collection[str], spool: Path) -> list[AssemblyItem]:
         """One item per file that joins the languages of an asset, of those that were written."""
         items = []
         for index, target in enumerate(self.targets):
             path = self.assembly_path(target)
-            files = tuple(entry for entry in self.language_files(target) if entry[1] in written)
+            files = tuple(
+                entry for entry in self.language_files(target) if str(entry[1]) in written
+            )
             if path is not None and files:
                 package = self.package_path(target)
                 sounds = map(self._heard, self._lines_of(target)) if package else ()
@@ -179,7 +190,17 @@ class Plan:
 
     def file_of(self, target: Target, line: Line) -> Path:
         """The file of `target` that holds `line`."""
-        folder = self.job.output / line.language
         if target.layout == "per-character":
-            return folder / f"{target.character}{target.suffix}"
-        return folder / target.character / f"{line.id}{target.suffix}"
+            return self._folder(line.language) / f"{target.character}{target.suffix}"
+        folder = self._folder(line.language, target.character)
+        return folder / f"{line.id}{target.suffix}"
+
+    def _folder(self, *names: str) -> Path:
+        """A folder of the output; there are few of them, and many files."""
+        if names not in self._folders:
+            self._folders[names] = self.job.output.joinpath(*names)
+        return self._folders[names]
+
+    @cached_property
+    def _folders(self) -> dict[tuple[str, ...], Path]:
+        return {}

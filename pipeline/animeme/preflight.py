@@ -18,6 +18,7 @@ from animeme.contracts import Model
 from animeme.dialogue import Line
 from animeme.errors import InputError, JobError, Problem
 from animeme.executors import Executor
+from animeme.files import walk
 from animeme.findings import Finding, Severity
 from animeme.gathering import gather
 from animeme.job import Job, check_job
@@ -291,8 +292,7 @@ def require_free_outputs(plan: Plan) -> None:
         JobError: names each input in the way.
     """
     output = str(plan.job.output.resolve())
-    inputs = _resolved(_inputs(plan))
-    near = {path for path in inputs if path.startswith(output + os.sep)}
+    near = _below(output, _inputs(plan))
     if not near:
         return
     clashes = sorted(near & {str(path.resolve()) for path in plan.possible_outputs()})
@@ -336,23 +336,39 @@ def _inputs(plan: Plan) -> Iterator[Path]:
         yield from (car.path for car in line.side_cars)
 
 
-def _resolved(paths: Iterable[Path]) -> set[str]:
-    """The files that paths mean; thousands of them in a few folders, so each folder once."""
-    folders: dict[str, str] = {}
+def _below(output: str, paths: Iterable[Path]) -> set[str]:
+    """The files below a folder that paths mean; thousands of them in a few folders, each of which
+    is looked at once.
+    """
+    folders: dict[str, tuple[str, frozenset[str]]] = {}
     found = set()
     for path in map(str, paths):
-        folder, name = os.path.split(path)
+        head, slash, name = path.rpartition("/")
+        folder = head + slash or "."
         if folder not in folders:
-            folders[folder] = os.path.realpath(folder)
-        place = os.path.join(folders[folder], name)
-        found.add(os.path.realpath(place) if os.path.islink(place) else place)
+            folders[folder] = os.path.realpath(folder), _links(folder)
+        place, links = folders[folder]
+        if name in links:
+            real = os.path.realpath(path)
+            found |= {real} if real.startswith(output + os.sep) else set()
+        elif f"{place}/".startswith(output + os.sep):
+            found.add(os.path.join(place, name))
     return found
+
+
+def _links(folder: str) -> frozenset[str]:
+    """Names in a folder that are links."""
+    try:
+        with os.scandir(folder) as entries:
+            return frozenset(entry.name for entry in entries if entry.is_symlink())
+    except OSError:
+        return frozenset()
 
 
 def stale_outputs(plan: Plan, fresh: Collection[str]) -> Iterator[Finding]:
     """A warning for each file of an earlier run that this one would have written, but did not."""
     output = str(plan.job.output)
-    left = {path for path in _files_below(output) if path not in fresh}
+    left = {path for path in map("/".join, walk(output)) if path not in fresh}
     left -= {os.path.join(output, name) for name in REPORT_NAMES}
     for path in map(str, plan.possible_files() if left else ()):
         if path in left:
@@ -363,18 +379,6 @@ def stale_outputs(plan: Plan, fresh: Collection[str]) -> Iterator[Finding]:
                 place=path[len(output) + 1 :],
                 action="Do not deliver it; mend its lines and run again, or delete it.",
             )
-
-
-def _files_below(folder: str) -> Iterator[str]:
-    """Paths of the files below a folder; there may be as many as lines."""
-    with os.scandir(folder) as found:
-        for entry in found:
-            if entry.name.startswith("."):
-                continue  # the run's own spool
-            if entry.is_dir(follow_symlinks=False):
-                yield from _files_below(entry.path)
-            elif entry.is_file():
-                yield entry.path
 
 
 def require_distinct_companions(job: Job, targets: Iterable[Target]) -> None:

@@ -5,24 +5,26 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cached_property
 from hashlib import sha256
+from itertools import islice
+from pathlib import Path
 from typing import Any
 
 from animeme.dialogue import Line
+from animeme.files import stamp
 from animeme.findings import Finding, Severity
 from animeme.job import Job
 from animeme.line_keys import Keyring
-from animeme.steps import delivered_parts, packed, places, unpacked
-from animeme.store.keys import (
-    canonical,
-    target_parts,
-)
+from animeme.recent import Recent, files_of, look_of, stamped
+from animeme.steps import curves_of, delivered_parts, is_spoken, packed, places, unpacked
+from animeme.store.keys import canonical, key_of, target_parts
 from animeme.store.memory import Memory
 from animeme.tasks import (
     Delivered,
     LineItem,
+    LineKeys,
     LineOutcome,
     Target,
     alignment_file,
@@ -34,6 +36,11 @@ from animeme.tasks import (
 
 # How long an entry may be in use before its file says so again: `cache gc` goes by that.
 _TOUCH_AFTER_S = 12 * 3600.0
+# What is remembered of lines by their look changes with this number.
+_FORMAT = 1
+_AT_ONCE = 10_000
+# From so many lines on, all that is known of the dialogue's files is read at once.
+_MANY = 200
 
 
 class Recall(Keyring):
@@ -58,20 +65,126 @@ class Recall(Keyring):
     ) -> None:
         super().__init__(memory, job, targets, deliver=deliver)
         self.dry = dry
+        self.started_s = time.time()
+        self._recent = Recent(memory, f"lines of {os.path.abspath(job.source)}")
+        self._hits: dict[int, LineOutcome] = {}
+        self._remembered: set[int] = set()
+
+    def keyed(
+        self, lines: Iterable[tuple[int, Line, tuple[int, ...]]], spool: Path
+    ) -> list[LineItem]:
+        """As `Keyring.keyed`; lines that look as they did in the last run are known by that."""
+        self.context  # noqa: B018  which says what all lines' keys have in common
+        items: list[LineItem] = []
+        left = iter(lines)
+        while part := [*islice(left, _AT_ONCE)]:
+            rows = self._recent.rows(line.key for _, line, _ in part) if self._delivers else {}
+            taken = [self._taken(*entry, spool, rows.get(entry[1].key)) for entry in part]
+            if taken.count(None) > _MANY:
+                root = self.job.dialogue.root
+                self.memory.digests.load(*([root] if root else []), self.job.output)
+            items += [
+                self._item(*entry, spool) if item is None else item
+                for entry, item in zip(part, taken, strict=True)
+            ]
+        return items
+
+    def _taken(
+        self,
+        number: int,
+        line: Line,
+        targets: tuple[int, ...],
+        spool: Path,
+        row: tuple[str, str] | None,
+    ) -> LineItem | None:
+        """A line as it was in the last run, None if it may have changed."""
+        if row is None or not row[0]:
+            return None
+        stamps = stamped(files_of(line))
+        if not is_spoken(line, self.job.speak, bool(stamps[0][1])):
+            voice = self._voice_file(line)
+            stamps += ((str(voice), self._voices[voice][1]),) if voice is not None else ()
+        if row[0] != look_of(self._look, line, targets, stamps):
+            return None
+        known = json.loads(row[1])
+        by_hand = tuple((speaker, text) for speaker, text in known["by_hand"])
+        item = LineItem(line, targets, spool, number, LineKeys(known["align"], by_hand), stamps)
+        places = self._documents(line)
+        there = all(stamp(p) == s for p, s in zip(places, known["stamps"], strict=False))
+        self._keys[number] = known["key"]
+        outcome = self._outcome(item, known["noted"], known["stamps"]) if there else None
+        if outcome is None:
+            return None
+        self._hits[number] = outcome
+        return item
 
     def known(self, items: Sequence[LineItem]) -> dict[int, LineOutcome]:
         """Outcome of each line that needs no work; what it delivers is put in place."""
         if not self._delivers:
             return {}
-        wanted = {i.number: f"line:{self._keys[i.number]}" for i in items if i.number in self._keys}
-        found = self.memory.index.notes(dict.fromkeys(wanted.values()))
+        outcomes = {}
+        for first in range(0, len(items), _AT_ONCE):
+            part = items[first : first + _AT_ONCE]
+            wanted = {
+                item.number: f"line:{self._keys[item.number]}"
+                for item in part
+                if item.number in self._keys and item.number not in self._hits
+            }
+            found = self.memory.index.notes(dict.fromkeys(wanted.values())) if wanted else {}
+            for item in part:
+                outcome = self._hits.pop(item.number, None)
+                noted = found.get(wanted.get(item.number, ""))
+                if outcome is None and noted:
+                    outcome = self._outcome(item, json.loads(noted))
+                if outcome is not None:
+                    outcomes[item.number] = outcome
+        return outcomes
+
+    def previous(self, items: Sequence[LineItem]) -> dict[int, LineOutcome]:
+        """What was delivered last of each line, if all its targets can still have it."""
+        if not self._delivers:
+            return {}
+        before = {item.number: self._recent.known(item.line.key).get("key", "") for item in items}
+        found = self.memory.index.notes(f"line:{key}" for key in before.values() if key)
         outcomes = {}
         for item in items:
-            noted = found.get(wanted.get(item.number, ""))
-            outcome = self._outcome(item, json.loads(noted)) if noted else None
-            if outcome is not None:
-                outcomes[item.number] = outcome
+            key = before[item.number]
+            noted = json.loads(found.get(f"line:{key}", "{}"))
+            if noted and self._fits(item, noted):
+                outcome = self._as_it_was(item, noted, key)
+                if outcome and all(f.severity < Severity.ERROR for f in outcome.findings):
+                    outcomes[item.number] = outcome
         return outcomes
+
+    def _as_it_was(self, item: LineItem, noted: Mapping[str, Any], key: str) -> LineOutcome | None:
+        """How a line ended before it changed; it is not remembered as what it looks like now."""
+        if self.started_s - noted["used"] > _TOUCH_AFTER_S:
+            keys = [noted["alignment"], *(key for _, key, _ in noted["curves"])]
+            if not all(self.memory.store.touch(key) for key in keys if key):
+                return None
+            self._note(key, {**noted, "used": self.started_s})
+        return None if self._delivered(item.line, noted) is None else self._told(item, noted)
+
+    def _fits(self, item: LineItem, noted: Mapping[str, Any]) -> bool:
+        """Whether curves that were made for a line move the assets that it has now."""
+        names = [self._target_name(index) for index in item.targets]
+        rows = {place: (key, digest) for place, key, digest in noted["curves"]}
+        if noted.get("targets") != names or sorted(rows) != [*range(len(names))]:
+            return False
+        for place, index in enumerate(item.targets):
+            key, digest = rows[place]
+            entry = self.memory.store.get(key)
+            shapes = self.targets[index].asset.shapes
+            if entry is None or entry.digest != digest:
+                return False
+            if not {*curves_of(entry.payload)[0].names} <= {*shapes}:
+                return False
+        return True
+
+    def _target_name(self, index: int) -> str:
+        """What tells a target from the others, whatever becomes of its asset."""
+        target = self.targets[index]
+        return f"{target.character}{target.suffix}"
 
     def stored(self, item: LineItem) -> bool:
         """Whether all results of a line are in the store, whoever put them there."""
@@ -101,15 +214,36 @@ class Recall(Keyring):
         }
         return {**own, **places(item.line, self.context)}
 
-    def _outcome(self, item: LineItem, noted: Mapping[str, Any]) -> LineOutcome | None:
+    def _outcome(
+        self, item: LineItem, noted: Mapping[str, Any], stamps: Sequence[str] | None = None
+    ) -> LineOutcome | None:
+        """How a line ended.
+
+        Args:
+            item: the line.
+            noted: how it did.
+            stamps: of its documents where they are known to be in place.
+        """
         line = item.line
-        if time.time() - noted["used"] > _TOUCH_AFTER_S:
+        worn = self.started_s - noted["used"] > _TOUCH_AFTER_S
+        if worn:
             keys = [noted["alignment"], *(key for _, key, _ in noted["curves"])]
             if not all(self.memory.store.touch(key) for key in keys if key):
                 return None
-            self._note(item.number, {**noted, "used": time.time()})
-        if noted["documents"] and not self._delivered(line, noted):
-            return None
+            noted = {**noted, "used": self.started_s}
+            self._note(self._keys[item.number], noted)
+        there = stamps is not None
+        if stamps is None:
+            stamps = self._delivered(line, noted)
+            if stamps is None:
+                return None
+        if worn or not there:
+            self._remember(item, noted, stamps)
+        return self._told(item, noted)
+
+    def _told(self, item: LineItem, noted: Mapping[str, Any]) -> LineOutcome:
+        """The outcome that was noted, in this run's words."""
+        line = item.line
         findings: list[Finding] = []
         tokens = self._tokens(item) if noted["findings"] else {}
         for whose, rows in noted["findings"]:
@@ -125,21 +259,47 @@ class Recall(Keyring):
             final=True,
         )
 
-    def _delivered(self, line: Line, noted: Mapping[str, Any]) -> bool:
-        """Make sure that a line's documents lie in the output folder."""
-        output, digests = self.job.output, self.memory.digests
-        paths = [alignment_file(output, line)]
-        if len(noted["documents"]) > 1:
-            paths.append(speech_file(output, line))
-        if all(digests.of(p) == d for p, d in zip(paths, noted["documents"], strict=True)):
-            return True
-        if self.dry:
-            return True
+    def _documents(self, line: Line) -> tuple[str, str]:
+        """Where a line's documents are: its alignment, and what was spoken for it."""
+        return alignment_file(self.job.output, line), speech_file(self.job.output, line)
+
+    def _delivered(self, line: Line, noted: Mapping[str, Any]) -> list[str] | None:
+        """Make sure that a line's documents lie in the output folder; their stamps there.
+
+        None if they are nowhere.
+        """
+        paths = self._documents(line)[: len(noted["documents"])]
+        found = [self.memory.digests.look(path) for path in paths]
+        if [digest for digest, _ in found] == noted["documents"] or self.dry:
+            return [stamped for _, stamped in found]
         entry = self.memory.store.get(noted["alignment"])
         if entry is None:
-            return False
-        self.learn(deliver(output, line, *delivered_parts(entry)))
-        return True
+            return None
+        files = deliver(self.job.output, line, *delivered_parts(entry))
+        self.learn(files)
+        return [file.stamp for file in files]
+
+    def _remember(self, item: LineItem, noted: Mapping[str, Any], stamps: Sequence[str]) -> None:
+        """Have the next run know the line by what it looks like.
+
+        Args:
+            item: the line.
+            noted: how it ended.
+            stamps: of its documents.
+        """
+        if not self._delivers or self.dry:
+            return
+        known = {
+            "key": self._keys[item.number],
+            "align": item.keys.align,
+            "by_hand": item.keys.by_hand,
+            "noted": noted,
+            "stamps": stamps,
+        }
+        seen = look_of(self._look, item.line, item.targets, item.stamps)
+        documents = zip(self._documents(item.line), stamps, strict=False)
+        self._recent.put(item.line.key, seen, known, (*item.stamps, *documents))
+        self._remembered.add(item.number)
 
     def keep(self, item: LineItem, outcome: LineOutcome) -> None:
         """Remember how a line ended, if that holds for the next run too."""
@@ -156,25 +316,23 @@ class Recall(Keyring):
         for finding in outcome.findings:
             rows.setdefault(place.get(finding.character), []).extend(packed([finding], tokens))
         positions = {index: n for n, index in enumerate(item.targets)}
-        self._note(
-            item.number,
-            {
-                "audio_s": outcome.audio_s,
-                "score": outcome.score,
-                "spoken": outcome.spoken,
-                "alignment": outcome.alignment,
-                "curves": [
-                    [positions[index], key, digest] for index, key, digest in outcome.curves
-                ],
-                "documents": [file.digest for file in outcome.delivered],
-                "findings": [*rows.items()],
-                "used": time.time(),
-            },
-        )
+        noted = {
+            "audio_s": outcome.audio_s,
+            "score": outcome.score,
+            "spoken": outcome.spoken,
+            "alignment": outcome.alignment,
+            "curves": [[positions[index], key, digest] for index, key, digest in outcome.curves],
+            "targets": [self._target_name(index) for index in item.targets],
+            "documents": [file.digest for file in outcome.delivered],
+            "findings": [*rows.items()],
+            "used": time.time(),
+        }
+        self._note(self._keys[item.number], noted)
+        self._remember(item, noted, [file.stamp for file in outcome.delivered])
 
-    def _note(self, number: int, noted: Mapping[str, Any]) -> None:
+    def _note(self, key: str, noted: Mapping[str, Any]) -> None:
         text = json.dumps(noted, ensure_ascii=False, separators=(",", ":"))
-        self.memory.index.set_note(f"line:{self._keys[number]}", text)
+        self.memory.index.set_note(f"line:{key}", text)
 
     def learn(self, files: Iterable[Delivered]) -> None:
         """Take in the digests of files that were just written."""
@@ -182,18 +340,26 @@ class Recall(Keyring):
             if file.stamp:
                 self.memory.digests.learn(os.path.abspath(file.path), file.stamp, file.digest)
 
-    def ran(self) -> None:
-        """Remember which keys the lines of the job had, for `why` of a later run."""
-        last = {line: self._keys[number] for line, number in self._lines.items()}
-        text = json.dumps({**self._last, **last}, ensure_ascii=False, separators=(",", ":"))
-        if self._last != last and self._delivers:
-            self.memory.index.set_note(self._scope, text)
+    def ran(self, items: Iterable[LineItem], without: Collection[int] = ()) -> None:
+        """Remember how lines ended by what they look like, for `why` and `previous` of later runs.
+
+        Args:
+            items: the lines.
+            without: numbers of those that are as an earlier run left them.
+        """
+        if not self._delivers:
+            return
+        self._recent.close()
+        for item in items:
+            done = item.number not in without and item.number not in self._remembered
+            if done and item.number in self._keys:
+                self._recent.forget(item.line.key, {"key": self._keys[item.number]})
 
     def why(self, item: LineItem) -> tuple[str, ...]:
         """What has changed of a line since the job was last run, in people's words."""
         if item.number not in self._keys:
             return ("a file that cannot be read",)
-        before = self._last.get(item.line.key)
+        before = self._recent.known(item.line.key).get("key")
         noted = self.memory.index.note(f"causes:{before}") if before else None
         if noted is None:
             return ("new",)
@@ -207,20 +373,30 @@ class Recall(Keyring):
         targets = [target_parts(self.targets[index]) for index in item.targets]
         causes = {
             "curve settings": settings,
-            **self._parts[item.number],
+            **self._line(item.line, item.targets)[2],
             "model": canonical([self._models[index] for index in item.targets]),
             "rig": canonical(targets),
-            "code": "".join(self._codes.values()),
+            "code": canonical(self._all_codes),
         }
         return {cause: sha256(text.encode()).hexdigest()[:8] for cause, text in causes.items()}
 
     @cached_property
-    def _scope(self) -> str:
-        return f"last:{os.path.abspath(self.job.source)}"
+    def _all_codes(self) -> list[str]:
+        """Digests of the code behind all parts of the work."""
+        self.context  # noqa: B018  which looks at the models' code
+        for part in ("align", "speak", "rig", "by hand"):
+            self._code(part)
+        return [digest for _, digest in sorted(self._codes.items())]
 
     @cached_property
-    def _last(self) -> dict[str, str]:
-        """Line → key, when the job was last run."""
-        noted = self.memory.index.note(self._scope)
-        found: dict[str, str] = json.loads(noted) if noted else {}
-        return found
+    def _look(self) -> str:
+        """What all lines of the run depend on, and where it puts what."""
+        codes = self._all_codes
+        targets = [[t.character, t.model is None, len(t.model_files)] for t in self.targets]
+        job, context = self.job, self.context
+        places = [os.path.abspath(path) for path in (job.output, job.voices or "")]
+        parts = [
+            *(_FORMAT, codes, targets, places, context.prefixes, self._common),
+            *(self._lexicon.state, job.speak),
+        ]
+        return key_of("recent", [canonical(parts)])[:16]

@@ -9,14 +9,18 @@ from pathlib import Path
 from typing import Any
 
 from animeme import registry
+from animeme.files import stamp
 from animeme.findings import Severity
 from animeme.job import Job
+from animeme.recent import Recent
 from animeme.steps import packed, unpacked
 from animeme.store.keys import canonical, key_of
 from animeme.store.memory import Memory
 from animeme.tasks import AssemblyItem, AssetItem, AssetOutcome, Target
 
 _ENGINE = "animeme.writing"
+# From so many files on, all that is known of the output folder is read at once.
+_MANY = 200
 
 
 class AssetRecall:
@@ -38,12 +42,15 @@ class AssetRecall:
         self._targets = targets
         self._sources: dict[tuple[int, Path], list[str]] = {}
         self._codes: dict[tuple[str, ...], str] = {}
+        self._places: dict[tuple[Path, str], str] = {}
+        self._start = len(str(job.output)) + 1
+        self._recent = Recent(memory, f"files of {os.path.abspath(job.output)}")
 
     def asset_key(self, item: AssetItem, curves: Iterable[str]) -> str:
         """The key of a file, given the digests of its lines' curves; "" if none can be had."""
-        folder, places = item.output.parent, dict[str, str]()
+        folder = item.output.parent
         lines = [
-            f"{name}\n{length_s!r}\n{digest}\n{_relative(audio, folder, places)}"
+            f"{name}\n{length_s!r}\n{digest}\n{self._relative(audio, folder)}"
             for (_, name, length_s, _, audio), digest in zip(item.lines, curves, strict=True)
         ]
         sources = self._source_parts(item.target, folder)
@@ -62,7 +69,7 @@ class AssetRecall:
         """What the curve files that go with a file depend on, besides its lines."""
         if not item.exports:
             return []
-        folder, places = item.output.parent, dict[str, str]()
+        folder = item.output.parent
         names = {number: name for number, name, *_ in item.lines}
         return [
             os.path.relpath(self._output, folder),
@@ -70,7 +77,7 @@ class AssetRecall:
             canonical(self._curves.frame_rate),
             self._code("write-curves"),
             *(
-                f"{names[number]}\n{kind}\n{_relative(path, folder, places)}"
+                f"{names[number]}\n{kind}\n{self._relative(path, folder)}"
                 for number, kind, path in item.exports
             ),
         ]
@@ -94,26 +101,76 @@ class AssetRecall:
                 return ""
         return key_of("assembly", parts)
 
-    def known(self, key: str, item: AssetItem | AssemblyItem) -> AssetOutcome | None:
-        """The outcome of a file that is there already."""
-        noted = self._memory.index.note(f"file:{key}") if key else None
+    def known(
+        self, keyed: Sequence[tuple[str, AssetItem | AssemblyItem]]
+    ) -> list[AssetOutcome | None]:
+        """The outcome of each file, by its key, that is there already."""
+        names = [self._below(item.output) for _, item in keyed]
+        rows = self._recent.rows(names)
+        outcomes: list[AssetOutcome | None] = []
+        wanted: list[int] = []
+        for place, ((key, item), name) in enumerate(zip(keyed, names, strict=True)):
+            row = rows.get(name)
+            found = self._as_it_was(item, row[1]) if row is not None and row[0] == key else None
+            outcomes.append(found)
+            if found is None and key:
+                wanted.append(place)
+        if len(wanted) > _MANY:
+            self._memory.digests.load(self._output)
+        notes = self._memory.index.notes(f"file:{keyed[place][0]}" for place in wanted)
+        for place in wanted:
+            key, item = keyed[place]
+            outcomes[place] = self._there(key, item, notes.get(f"file:{key}"))
+        return outcomes
+
+    def _as_it_was(self, item: AssetItem | AssemblyItem, text: str) -> AssetOutcome | None:
+        """The outcome of a file if it looks as it did when it was last known."""
+        value = json.loads(text)
+        outputs = [f"{self._output}/{path}" for path, _ in value["outputs"]]
+        if not outputs or [stamp(path) for path in outputs] != value["stamps"]:
+            return None
+        return self._outcome(item, value)
+
+    def _there(
+        self, key: str, item: AssetItem | AssemblyItem, noted: str | None
+    ) -> AssetOutcome | None:
+        """The outcome of a file if it has the content that it had when it was last known."""
         value: Mapping[str, Any] | None = json.loads(noted) if noted else None
-        if value is None and key and (entry := self._memory.store.get(key)):
+        if value is None and (entry := self._memory.store.get(key)):
             value = entry.value
         if value is None:
             return None
-        outputs = tuple(self._output / path for path, _ in value["outputs"])
-        digests = [self._memory.digests.of(path) for path in outputs]
-        if digests != [digest for _, digest in value["outputs"]]:
+        found = [self._memory.digests.look(self._output / path) for path, _ in value["outputs"]]
+        if [digest for digest, _ in found] != [digest for _, digest in value["outputs"]]:
             return None
+        self._remember(key, item, value, [stamped for _, stamped in found])
+        return self._outcome(item, value)
+
+    def _outcome(self, item: AssetItem | AssemblyItem, value: Mapping[str, Any]) -> AssetOutcome:
+        own = self._below(item.output)
+        outputs = tuple(
+            item.output if path == own else self._output / path for path, _ in value["outputs"]
+        )
         character = self._targets[item.target].character
-        tokens = self._tokens(item)
+        tokens = self._tokens(item) if value["findings"] else {}
         findings = [
             found
             for line, rows in value["findings"]
             for found in unpacked(rows, tokens, line=line, character=character)
         ]
         return AssetOutcome(outputs, tuple(findings), final=True)
+
+    def _remember(
+        self,
+        key: str,
+        item: AssetItem | AssemblyItem,
+        value: Mapping[str, Any],
+        stamps: Sequence[str],
+    ) -> None:
+        paths = [f"{self._output}/{path}" for path, _ in value["outputs"]]
+        known = {"outputs": value["outputs"], "findings": value["findings"], "stamps": stamps}
+        files = tuple(zip(paths, stamps, strict=True))
+        self._recent.put(self._below(item.output), key, known, files)
 
     def keep(self, key: str, item: AssetItem | AssemblyItem, outcome: AssetOutcome) -> None:
         """Remember a file that was written."""
@@ -132,10 +189,15 @@ class AssetRecall:
         }
         self._memory.store.put(key, value)
         self._memory.index.set_note(f"file:{key}", json.dumps(value, ensure_ascii=False))
+        self._remember(key, item, value, [file.stamp for file in outcome.delivered])
+
+    def ran(self) -> None:
+        """Remember the files by what they look like now."""
+        self._recent.close()
 
     def _below(self, path: Path) -> str:
         """A file of the run, from its output folder."""
-        return path.relative_to(self._output).as_posix()
+        return str(path)[self._start :]
 
     def _tokens(self, item: AssetItem | AssemblyItem) -> dict[str, str]:
         source = self._targets[item.target].asset.source
@@ -169,10 +231,9 @@ class AssetRecall:
             self._codes[key] = self._memory.code.of(plugins, _ENGINE)
         return self._codes[key]
 
-
-def _relative(path: Path, folder: Path, places: dict[str, str]) -> str:
-    """A path from a folder; thousands of them in a few `places`, so each of these once."""
-    head, name = os.path.split(path)
-    if head not in places:
-        places[head] = os.path.relpath(head, folder)
-    return f"{places[head]}/{name}"
+    def _relative(self, path: Path, folder: Path) -> str:
+        """A path from a folder; thousands of them in a few places, so each of these once."""
+        head, _, name = str(path).rpartition("/")
+        if (folder, head) not in self._places:
+            self._places[folder, head] = os.path.relpath(head or "/", folder)
+        return f"{self._places[folder, head]}/{name}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,8 @@ from animeme.ledger import Ledger
 from animeme.recall import Recall
 from animeme.recall_assets import AssetRecall
 from animeme.runner import planned
+from animeme.scope import scope_of
+from animeme.selection import EVERYTHING, Selection
 from animeme.store.memory import Memory
 from animeme.tasks import AssetItem, LineItem
 
@@ -26,6 +28,7 @@ class Rehearsal:
         job: the job's name.
         lines: how many lines there are.
         stale: line that would be worked on → what has changed of it, or "new".
+        outdated: line that would stay as it is, being asked for by nobody → what has changed of it.
         files: how many asset files there are.
         unwritten: those that would be written, relative to the output folder, sorted.
     """
@@ -35,6 +38,7 @@ class Rehearsal:
     stale: dict[str, tuple[str, ...]]
     files: int
     unwritten: tuple[str, ...]
+    outdated: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def causes(self) -> dict[str, int]:
         """Cause → how many lines it makes stale, the most frequent first."""
@@ -55,20 +59,27 @@ class Rehearsal:
             },
             "causes": self.causes(),
             "lines": [{"line": line, "causes": list(why)} for line, why in self.stale.items()],
+            "outdated": [{"line": li, "causes": list(why)} for li, why in self.outdated.items()],
             "files": list(self.unwritten),
         }
 
 
-def rehearse(job: Job, memory: Memory) -> Rehearsal:
+def rehearse(job: Job, memory: Memory, selection: Selection = EVERYTHING) -> Rehearsal:
     """What `animeme.runner.run_job` would do with these; errors as there."""
     plan, _ = planned(job, memory)
+    scope = scope_of(plan, selection)
     recall = Recall(memory, job, plan.targets, dry=True)
-    items = recall.keyed(plan.spoken_lines(), Path())
+    items = recall.keyed(scope.entries() if scope else plan.spoken_lines(), Path())
     known = recall.known(items)
-    stale = [item for item in items if item.number not in known and not recall.stored(item)]
+    changed = [item for item in items if item.number not in known]
+    kept = recall.previous([i for i in changed if scope and i.number not in scope.asked])
+    stale = [i for i in changed if i.number not in kept and not recall.stored(i)]
+    outdated = {i.line.key: recall.why(i) for i in changed if i.number in kept}
+    known |= kept
 
     def files_of(item: LineItem) -> set[Path]:
-        return {plan.file_of(plan.targets[index], item.line) for index in item.targets}
+        files = {plan.file_of(plan.targets[index], item.line) for index in item.targets}
+        return files & scope.files if scope else files
 
     every = set().union(*map(files_of, items))
     # A line that only others have done, its files are not known either.
@@ -77,13 +88,16 @@ def rehearse(job: Job, memory: Memory) -> Rehearsal:
     ledger.take_up(known)
     files = AssetRecall(memory, job, plan.targets)
 
-    def is_there(item: AssetItem) -> bool:
+    def key_of(item: AssetItem) -> str:
         digests = [ledger.curves[line[0]][item.target][1] for line in item.lines]
-        return files.known(files.asset_key(item, digests), item) is not None
+        return files.asset_key(item, digests)
 
-    for item in plan.asset_items(ledger.good, ledger.curves, Path()):
-        if item.output not in unwritten and not is_there(item):
-            unwritten.add(item.output)
+    assets = plan.asset_items(ledger.good, ledger.curves, Path())
+    if scope is not None:
+        assets = [asset for asset in assets if asset.output in scope.files]
+    assets = [asset for asset in assets if asset.output not in unwritten]
+    there = files.known([(key_of(asset), asset) for asset in assets])
+    unwritten |= {a.output for a, found in zip(assets, there, strict=True) if found is None}
     start = len(str(job.output)) + 1
     return Rehearsal(
         job.name,
@@ -91,4 +105,5 @@ def rehearse(job: Job, memory: Memory) -> Rehearsal:
         {item.line.key: recall.why(item) for item in stale},
         len(every),
         tuple(sorted(str(path)[start:] for path in unwritten)),
+        outdated,
     )

@@ -9,7 +9,7 @@ import tempfile
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -32,9 +32,19 @@ from animeme.preflight import (
 )
 from animeme.recall import Recall
 from animeme.recall_assets import AssetRecall
+from animeme.scope import Scope, added, outdated, scope_of
+from animeme.selection import EVERYTHING, Selection
 from animeme.spool import output_folder
 from animeme.store.memory import Memory
-from animeme.tasks import AssetItem, AssetOutcome, LineItem, make_line, save_context
+from animeme.tasks import (
+    AssemblyItem,
+    AssetItem,
+    AssetOutcome,
+    LineItem,
+    LineOutcome,
+    make_line,
+    save_context,
+)
 from animeme.writing import join_languages, write_asset
 
 # A line of minutes takes seconds; a task beyond these is hung.
@@ -76,6 +86,7 @@ def run_job(
     *,
     fail_on: Severity = Severity.ERROR,
     listener: Listener = lambda _: None,
+    selection: Selection = EVERYTHING,
 ) -> RunReport:
     """Run a job.
 
@@ -85,6 +96,7 @@ def run_job(
         memory: of earlier runs.
         fail_on: severity at which the report's exit code turns 1.
         listener: told of progress.
+        selection: the lines that are wanted; files that hold none of them stay as they are.
 
     Returns:
         The report, which is also in the output folder.
@@ -93,10 +105,11 @@ def run_job(
         JobError: nothing could be started: no lines, no asset that could be driven, or an output
             that would overwrite an input.
         PluginError: a plug-in that the job needs cannot be loaded.
-        InputError: the output folder cannot be written.
+        InputError: the output folder cannot be written, or the selection fits no line.
     """
     wall, cpu = time.perf_counter(), cpu_s(executor)
     plan, findings = planned(job, memory, executor)
+    scope = scope_of(plan, selection)
     digests = {t.asset.source: memory.digests.of(t.asset.source) for t in plan.targets}
     with output_folder(job.output) as spool, _log(plan, findings) as ledger:
         # `animeme review` finds the recordings and assets of a run by its job file.
@@ -104,24 +117,20 @@ def run_job(
         ledger.record(
             "start", job=job.name, file=file, lines=len(plan.lines), targets=len(plan.targets)
         )
-        work = _Work(ledger, executor, listener, spool, Recall(memory, job, plan.targets))
+        work = _Work(ledger, executor, listener, spool, Recall(memory, job, plan.targets), scope)
         work.do_lines()
         work.do_assets()
         work.join_languages()
+        stale = stale_outputs(plan, ledger.fresh())
         ledger.general += [
             *_changed_sources(digests, memory),
-            *stale_outputs(plan, ledger.fresh()),
+            *(finding for finding in stale if scope is None or scope.covers(finding)),
         ]
         report = ledger.report(fail_on)
+        report = scope.told(report, work.remarks) if scope else report
         report = replace(report, wall_s=time.perf_counter() - wall, cpu_s=cpu_s(executor) - cpu)
         report = _write_reports(report, job.output)
-        ledger.record(
-            "end",
-            exit_code=report.exit_code,
-            wall_s=report.wall_s,
-            cpu_s=report.cpu_s,
-            **asdict(report.effort),
-        )
+        ledger.record("end", exit_code=report.exit_code, **report.figures())
     return report
 
 
@@ -133,12 +142,14 @@ def run_shard(
     *,
     fail_on: Severity = Severity.ERROR,
     listener: Listener = lambda _: None,
+    selection: Selection = EVERYTHING,
 ) -> RunReport:
     """Do a part of a job's lines, for the store alone: nothing is put into the output folder.
 
     Args:
         job, executor, memory, fail_on, listener: as of `run_job`.
         shard: which part.
+        selection: of which lines it is a part.
 
     Returns:
         A report of these lines; `run_job` with the same store writes the files.
@@ -151,7 +162,8 @@ def run_shard(
     with tempfile.TemporaryDirectory(prefix="animeme-") as spool:
         ledger = Ledger(plan, io.StringIO(), general=findings)
         recall = Recall(memory, job, plan.targets, deliver=False)
-        work = _Work(ledger, executor, listener, Path(spool), recall)
+        scope = scope_of(plan, selection)
+        work = _Work(ledger, executor, listener, Path(spool), recall, scope)
         work.do_lines(shard)
         report = ledger.report(fail_on)
     mine = {item.line.key for item in work.items}
@@ -222,7 +234,9 @@ class _Work:
         listener: is told.
         spool: the run's spool folder.
         recall: knows what need not be done.
+        scope: what the run is about, None for everything.
         items: the work on lines.
+        remarks: line → what the scope makes of it.
     """
 
     ledger: Ledger
@@ -230,7 +244,9 @@ class _Work:
     listener: Listener
     spool: Path
     recall: Recall
+    scope: Scope | None = None
     items: list[LineItem] = field(default_factory=list)
+    remarks: dict[str, Finding] = field(default_factory=dict)
 
     @cached_property
     def files(self) -> AssetRecall:
@@ -241,15 +257,31 @@ class _Work:
         """Have curves made for each line, of a shard or of all, but for those that have them."""
         save_context(self.recall.context, self.spool)
         lines = self.ledger.plan.spoken_lines()
+        if self.scope is not None:
+            lines = self.scope.entries(asked=shard is not None)
         mine = (entry for entry in lines if shard is None or shard.has(entry[1].key))
         self.items = self.recall.keyed(mine, self.spool)
         known = self.recall.known(self.items)
         self.ledger.take_up(known)
+        kept = self._kept([item for item in self.items if item.number not in known])
+        known |= kept
         stale = [item for item in self.items if item.number not in known]
         self._tell("lines", len(known), len(self.items), len(known))
         for done, _ in enumerate(self._make(stale), 1):
             self._tell("lines", len(known) + done, len(self.items), len(known))
-        self.recall.ran()
+        self.recall.ran(self.items, without=kept)
+
+    def _kept(self, items: Sequence[LineItem]) -> dict[int, LineOutcome]:
+        """Lines that nobody asked for, as they were delivered last."""
+        if self.scope is None:
+            return {}
+        others = [item for item in items if item.number not in self.scope.asked]
+        kept = self.recall.previous(others)
+        self.ledger.take_up(kept, "outdated")
+        for item in others:
+            old = item.number in kept
+            self.remarks[item.line.key] = outdated(self.recall.why(item)) if old else added()
+        return kept
 
     def _make(self, items: Sequence[LineItem]) -> Iterator[None]:
         saved = time.monotonic()
@@ -267,14 +299,13 @@ class _Work:
         """Have each file written that is not there as it would be."""
         ledger = self.ledger
         items = ledger.plan.asset_items(ledger.good, ledger.curves, self.spool)
+        if self.scope is not None:
+            items = [item for item in items if item.output in self.scope.files]
         ledger.files += len(items)
-        waiting = []
-        for item in items:
-            outcome = self.files.known(self._key(item), item)
-            if outcome is None:
-                waiting.append(item)
-            else:
-                ledger.take_up_asset(item, outcome)
+        there = self.files.known([(self._key(item), item) for item in items])
+        pairs = [*zip(items, there, strict=True)]
+        ledger.take_up_assets((item, outcome) for item, outcome in pairs if outcome is not None)
+        waiting = [item for item, outcome in pairs if outcome is None]
         known = len(items) - len(waiting)
         self._tell("assets", known, len(items), known)
         for turn in range(1, MOST_ROUNDS + 1):
@@ -325,12 +356,12 @@ class _Work:
 
     def join_languages(self) -> None:
         """Give each format the chance to join its languages in one file."""
-        items = self.ledger.plan.assembly_items(self.ledger.written, self.spool)
+        items = self._assemblies(self.ledger.written)
         keys = [self.files.assembly_key(item) for item in items]
         self.ledger.files += len(items)
         waiting = []
-        for key, item in zip(keys, items, strict=True):
-            outcome = self.files.known(key, item)
+        keyed = [*zip(keys, items, strict=True)]
+        for (key, item), outcome in zip(keyed, self.files.known(keyed), strict=True):
             if outcome is None:
                 waiting.append((key, item))
             else:
@@ -340,6 +371,15 @@ class _Work:
             self.ledger.end_assembly(item, result)
             if result.value is not None:
                 self.files.keep(key, item, result.value)
+        self.files.ran()
+
+    def _assemblies(self, written: Collection[str]) -> list[AssemblyItem]:
+        """The files that join languages, of those that were written or are there."""
+        plan, scope = self.ledger.plan, self.scope
+        if scope is None:
+            return plan.assembly_items(written, self.spool)
+        items = plan.assembly_items({*written, *map(str, scope.beside())}, self.spool)
+        return [item for item in items if item.target in scope.targets]
 
     def _run(
         self, function: Callable[..., Any], items: Sequence[Any], timeout_s: float

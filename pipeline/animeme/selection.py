@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import csv
 import re
-from collections.abc import Iterable, Sequence
+import sys
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import translate
 from pathlib import Path
+from typing import Any
 
+from animeme import documents
 from animeme.dialogue import AUDIO_SUFFIXES, Line, composed
 from animeme.errors import InputError
 from animeme.files import unreadable
 from animeme.languages import find_tag
 
+MARKS = "animeme.marks/1"
 _SUFFIXES = (*AUDIO_SUFFIXES, ".txt", ".lab")
 
 
@@ -36,6 +41,19 @@ class Selection:
     def everything(self) -> bool:
         """Whether no line is left out."""
         return not (self.languages or self.characters or self.patterns) and self.changed is None
+
+    def __str__(self) -> str:
+        """In people's words; "" for everything."""
+        asked = [f"language {name}" for name in self.languages]
+        asked += [f"character {name}" for name in self.characters]
+        asked += [f"lines {glob}" for glob in self.patterns]
+        if self.changed is not None:
+            count = len(self.changed)
+            asked.append(f"{count} {'entry' if count == 1 else 'entries'} in a list of changes")
+        return ", ".join(asked)
+
+
+EVERYTHING = Selection()
 
 
 def select(
@@ -95,11 +113,18 @@ def select(
 
 
 def read_changed(path: Path) -> tuple[str, ...]:
-    """Keys, ids or paths in a text file, one a line, as ``git diff --name-only`` prints them.
+    """The lines that a list of changes names.
+
+    Args:
+        path: keys, ids or paths, one a line, as ``git diff --name-only`` prints them; or what the
+            review page exports, as ``.json`` or ``.csv``: of its marks, those that say "fix".
+            ``-`` is standard input.
 
     Raises:
         InputError: it cannot be read.
     """
+    if str(path) == "-":
+        return _listed(sys.stdin.read())
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
@@ -111,7 +136,43 @@ def read_changed(path: Path) -> tuple[str, ...]:
             place=str(path),
             action="Write one line's key or file a line.",
         ) from error
+    if path.suffix.lower() == ".json":
+        data = documents.parse_file(path)
+        marks = data.get("marks")
+        if data.get("schema") != MARKS or not isinstance(marks, list):
+            raise _invalid(path, f"is no document of marks: it needs schema = '{MARKS}' and marks")
+        return _to_fix(path, marks)
+    if path.suffix.lower() == ".csv" and _is_marks(text):
+        return _to_fix(path, list(csv.DictReader(text.splitlines())))
+    return _listed(text)
+
+
+def _listed(text: str) -> tuple[str, ...]:
     return tuple(line.strip() for line in text.splitlines() if line.strip())
+
+
+def _is_marks(text: str) -> bool:
+    """Whether a table is the review page's; any other is a list, one entry a line."""
+    header = next(csv.reader(text.splitlines()), [])
+    return {"line", "mark"} <= {*header}
+
+
+def _to_fix(path: Path, marks: Sequence[Any]) -> tuple[str, ...]:
+    """Each line that is marked "fix", once."""
+    for number, mark in enumerate(marks, 1):
+        whole = isinstance(mark, Mapping) and isinstance(mark.get("line"), str) and mark["line"]
+        if not whole or mark.get("mark") not in ("good", "fix"):
+            raise _invalid(path, f"mark {number} needs a line, and a mark that is good or fix")
+    return tuple(dict.fromkeys(mark["line"] for mark in marks if mark["mark"] == "fix"))
+
+
+def _invalid(path: Path, problem: str) -> InputError:
+    return InputError(
+        "changed-invalid",
+        problem,
+        place=str(path),
+        action="Export the marks from the review page again, or write a list of lines, one a line.",
+    )
 
 
 def _hits(asked: Sequence[str], fits: Sequence[bool], used: set[str], kind: str) -> bool:
@@ -134,7 +195,9 @@ def _names(line: Line) -> set[str]:
     paths += [car.path for car in line.side_cars]
     names = {composed(line.key), composed(line.id)}
     for path in paths:
-        parts = composed(path.absolute().as_posix()).split("/")
+        whole = composed(path.absolute().as_posix())
+        names |= {whole, _bare(whole)}
+        parts = whole.split("/")
         # A list's paths start at the repository's root, wherever that is.
         for start in range(max(0, len(parts) - 8), len(parts)):
             tail = "/".join(parts[start:])

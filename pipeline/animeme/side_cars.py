@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import unicodedata
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from animeme.dialogue import Line, SideCar
+from animeme.dialogue import Line, SideCar, composed
+from animeme.files import walk
 from animeme.findings import Finding, Severity
 
 # What the files' names end in → what they are.
@@ -35,13 +35,16 @@ def with_side_cars(
     Returns:
         The lines, and a warning for each file that belongs to none of them.
     """
+    files = [*_files(root)]
+    if not files:
+        return tuple(lines), ()
     owners: dict[_Key, list[int]] = defaultdict(list)
     for number, line in enumerate(lines):
-        owners[line.audio.parent, _composed(line.audio.stem)].append(number)
-    names = {_composed(name): name for name in characters}
+        owners[line.audio.parent, composed(line.audio.stem)].append(number)
+    names = {composed(name): name for name in characters}
     found: dict[int, list[SideCar]] = defaultdict(list)
     strays: list[Finding] = []
-    for path, stem, kind in _files(root):
+    for path, stem, kind in files:
         character = ""
         numbers = owners.get((path.parent, stem), [])
         head, _, tail = stem.rpartition(".")
@@ -60,11 +63,11 @@ def with_side_cars(
 
 def _files(root: Path) -> Iterator[tuple[Path, str, str]]:
     """Path, name without suffix, and kind of every file by hand, sorted; nothing hidden."""
-    for path in sorted(root.rglob("*.*.*")):
-        hidden = any(part.startswith(".") for part in path.relative_to(root).parts)
-        for suffix, kind in SUFFIXES.items():
-            if path.name.lower().endswith(suffix) and not hidden and path.is_file():
-                yield path, _composed(path.name[: -len(suffix)]), kind
+    endings = tuple(SUFFIXES)
+    for folder, name in walk(str(root)):
+        if name.lower().endswith(endings):
+            suffix = next(ending for ending in endings if name.lower().endswith(ending))
+            yield Path(folder, name), composed(name[: -len(suffix)]), SUFFIXES[suffix]
 
 
 def _owned(line: Line, side_cars: list[SideCar]) -> Line:
@@ -90,7 +93,3 @@ def _stray(path: Path, kind: str) -> Finding:
         place=str(path),
         action=f"Name it <line>.{kind}.… or <line>.<character>.{kind}.…, beside its recording.",
     )
-
-
-def _composed(name: str) -> str:
-    return unicodedata.normalize("NFC", name)

@@ -26,6 +26,7 @@ from animeme.contracts import Alignment, Anchor, LineSubject, Model, Speech, Spo
 from animeme.curves import CurveSet
 from animeme.dialogue import Line, has_transcript, transcript_of, voice_of
 from animeme.errors import InputError
+from animeme.files import json_text
 from animeme.findings import Finding, Severity
 from animeme.phones import Event, PhoneTrack
 from animeme.shaping import LineMotion
@@ -167,7 +168,7 @@ def _speak(line: Line) -> Spoken:
 
 def alignment_bytes(track: PhoneTrack) -> bytes:
     """A track as the ``animeme.alignment`` document that a run delivers."""
-    return (json.dumps(track.to_document(), ensure_ascii=False, indent=1) + "\n").encode()
+    return json_text(track.to_document()).encode()
 
 
 @dataclass

@@ -21,6 +21,7 @@ from animeme.errors import InputError
 from animeme.files import sha256, stamp, unwritable, write_bytes
 from animeme.findings import Finding, Severity
 from animeme.job import ModelChoice
+from animeme.phones import PhoneTrack
 from animeme.rig import BoundRig, Character
 from animeme.shaping import CurveOptions, LineMotion, drawn
 from animeme.store.entries import Entry, Store
@@ -285,7 +286,7 @@ def make_line(item: LineItem) -> LineOutcome:
     delivered: tuple[Delivered, ...] = ()
     try:
         if track is not None:
-            curves = _animate(item, context, work, entry, findings)
+            curves = _animate(item, context, work, value["digest"], track, findings)
         good = not any(finding.severity == Severity.ERROR for finding in findings)
         if good and context.output is not None:
             delivered = deliver(context.output, line, *steps.delivered_parts(entry))
@@ -310,13 +311,12 @@ def _animate(
     item: LineItem,
     context: RunContext,
     work: steps.Steps,
-    aligned: Entry,
+    digest: str,
+    track: PhoneTrack,
     findings: list[Finding],
 ) -> tuple[tuple[int, str, str], ...]:
-    """(target, key, digest) of the curves of a line that has been aligned."""
-    line, digest = item.line, aligned.value["digest"]
-    track = steps.track_of(aligned)
-    assert track is not None
+    """(target, key, digest) of the curves of a line whose alignment has a digest."""
+    line = item.line
     motion = LineMotion(line, track, context.curves)
     targets = [context.targets[index] for index in item.targets]
     tokens = steps.places(line, context)

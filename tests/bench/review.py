@@ -163,7 +163,8 @@ def main() -> None:
         shared = len(list((output / "assets").iterdir()))
         print(
             f"pages: {asked.worst} of {asked.lines} lines in {took_s:.1f} s "
-            f"({cpu_s:.1f} s of a processor), {len(files)} files, {size / 1e6:.1f} MB, {shared} of them shared by all"
+            f"({cpu_s:.1f} s of a processor), {len(files)} files, {size / 1e6:.1f} MB, "
+            f"{shared} of them shared by all"
         )
         print(f"list: {(output / 'index.html').stat().st_size / 1e6:.1f} MB")
         open_list(output)

@@ -14,7 +14,7 @@ EVERY_STEP = {"align", "synthesize", "retarget"}
 def made(job: SmallJob) -> dict[str, set[str]]:
     """Line → the steps that were not taken from the store, in the last run."""
     return {
-        event["line"]: set() if event["outcome"] == "known" else set(event["made"])
+        event["line"]: set() if event["outcome"] in ("known", "outdated") else set(event["made"])
         for event in job.log()
         if event["event"] == "line"
     }

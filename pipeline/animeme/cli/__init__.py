@@ -21,6 +21,7 @@ _COMMANDS = {
     "cache": "Look after the store of results that runs take up again.",
     "crossmap": "Map tracked lips to a character's controls, as a dataset to train on.",
     "curves": "List the animations of an asset, or write one as a curve file.",
+    "diff": "Compare the curves of two runs, or of two files, as a gate for changes.",
     "doctor": "Say what is installed, and what extras would add.",
     "edits": "Start a file of edits by hand beside a recording.",
     "evaluate": "Compare models with captured motion they were not fitted to.",

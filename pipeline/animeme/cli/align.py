@@ -111,7 +111,7 @@ def command(
         )
     if text is not None:
         raise click.UsageError("A folder's lines have their texts beside them: leave out TEXT.")
-    with progress("lines") as listener:
+    with progress() as listener:
         report = api.align_folder(
             audio,
             output=output,

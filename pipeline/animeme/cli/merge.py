@@ -6,12 +6,8 @@ from pathlib import Path
 
 import click
 
-from animeme import api
 from animeme.cli import options as shared
-from animeme.cli.progress import progress
-from animeme.cli.run import end_run
-from animeme.executors.local import default_workers
-from animeme.job import read_job
+from animeme.cli.running import Order, run_and_tell
 
 
 @click.command("merge", epilog="Example: animeme merge job.toml --cache /mnt/farm/animeme")
@@ -24,6 +20,7 @@ from animeme.job import read_job
 @shared.fail_on
 @click.option("--speak", is_flag=True, help="The shards were run with --speak.")
 @shared.cache
+@shared.selection
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON on stdout.")
 def command(
     job: Path,
@@ -33,6 +30,10 @@ def command(
     fail_on: str,
     speak: bool,
     cache: Path | None,
+    languages: tuple[str, ...],
+    characters: tuple[str, ...],
+    patterns: tuple[str, ...],
+    changed: tuple[Path, ...],
     as_json: bool,
 ) -> int:
     """Write the files and reports of a JOB whose lines were done by `animeme run --shard`.
@@ -41,20 +42,9 @@ def command(
     died or a line failed through no fault of its own, are done now. Files and reports are those of
     a single run.
     """
-    folder = output or read_job(job, check=False).output
-    with progress("lines", "assets") as listener:
-        report = api.run(
-            job,
-            output=folder,
-            executor="inline" if executor == "inline" else "local",
-            workers=workers,
-            fail_on=fail_on,
-            speak=speak,
-            cache=cache,
-            listener=listener,
-        )
-    missing = report.effort.lines - report.effort.known_lines
-    if missing:
+    selection = shared.selected(languages, characters, patterns, changed)
+    order = Order(job, output, workers, executor, fail_on, speak, cache, selection, as_json)
+    report, code = run_and_tell(order)
+    if report is not None and (missing := report.effort.lines - report.effort.known_lines):
         click.echo(f"{missing} lines were in no shard's results, and were done now.", err=True)
-    processes = 1 if executor == "inline" else workers or default_workers()
-    return end_run(report, folder, processes, as_json)
+    return code

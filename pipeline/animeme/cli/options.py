@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
+
+from animeme.selection import Selection, read_changed
 
 fail_on = click.option(
     "--fail-on",
@@ -42,6 +46,56 @@ cache = click.option(
     help="Folder of results that runs share, in place of the job's.",
 )
 no_cache = click.option("--no-cache", is_flag=True, help="Do everything anew, and keep nothing.")
+_SELECTION = (
+    click.option(
+        "--language",
+        "languages",
+        multiple=True,
+        help="Only lines in this language, a tag or a name; may be repeated, as the next three.",
+    ),
+    click.option("--character", "characters", multiple=True, help="Only what this character says."),
+    click.option(
+        "--lines",
+        "patterns",
+        multiple=True,
+        metavar="GLOB",
+        help="Only lines whose key or id fits, as 'act1/*'.",
+    ),
+    click.option(
+        "--changed",
+        multiple=True,
+        type=click.Path(path_type=Path, allow_dash=True),
+        metavar="LIST",
+        help="Only lines that this file names by key or file (as `git diff --name-only` does; - is "
+        "standard input), or that the review page's marks say to fix (.json, .csv).",
+    ),
+)
+
+
+def selection(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options that say which lines are wanted; `selected` takes them."""
+    for option in reversed(_SELECTION):
+        command = option(command)
+    return command
+
+
+def selected(
+    languages: Sequence[str],
+    characters: Sequence[str],
+    patterns: Sequence[str],
+    changed: Sequence[Path],
+) -> Selection:
+    """What the options of `selection` ask for.
+
+    Raises:
+        InputError: a list of changes cannot be read.
+    """
+    names = [name for path in changed for name in read_changed(path)]
+    return Selection(
+        tuple(languages), tuple(characters), tuple(patterns), tuple(names) if changed else None
+    )
+
+
 rehash = click.option(
     "--rehash", is_flag=True, help="Read every file, whether or not it looks as it did."
 )

@@ -72,14 +72,14 @@ def command(
         )
 
     if strip or video:
-        with progress("pictures") as listener:
+        with progress() as listener:
             drawn = picture(
                 opened(shown), output, lines=lines, worst=worst, strips=strip, films=video,
                 listener=_heard(listener, "pictures"),
             )  # fmt: skip
         return _tell_pictures(drawn, output, as_json)
     other = None if against is None else opened(against)
-    with progress("pages") as listener:
+    with progress() as listener:
         written = review(
             opened(shown), output, lines=lines, worst=worst, other=other, single_file=single_file,
             listener=_heard(listener, "pages"),

@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
-from typing import Literal
 
 import click
 
 from animeme import api
 from animeme.cli import options as shared
-from animeme.cli.progress import progress
-from animeme.executors.local import default_workers
-from animeme.findings import RunReport, Severity
-from animeme.job import read_job
+from animeme.cli.running import MOST_SHOWN, Order, run_and_tell
 from animeme.rehearsal import Rehearsal
 from animeme.runner import Shard
-
-# More would not be read; --json has them all.
-MOST_SHOWN = 40
 
 
 def _shard(_: click.Context, __: click.Parameter, value: str | None) -> str | None:
@@ -52,6 +44,7 @@ def _shard(_: click.Context, __: click.Parameter, value: str | None) -> str | No
     callback=_shard,
     help="Do the I-th of N parts of the lines, for the store alone; `animeme merge` goes on.",
 )
+@shared.selection
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON on stdout.")
 def command(
     job: Path,
@@ -65,105 +58,56 @@ def command(
     rehash: bool,
     dry_run: bool,
     shard: str | None,
+    languages: tuple[str, ...],
+    characters: tuple[str, ...],
+    patterns: tuple[str, ...],
+    changed: tuple[Path, ...],
     as_json: bool,
 ) -> int:
     """Run JOB: align its dialogue, animate its characters, write and check the assets.
 
     The output folder gets <language>/<character>.glb (and .usdc), <character>.usda with a variant
     per language, alignments/, curves/ if the job exports them, speech/ with what was spoken,
-    report.json, summary.md and run.jsonl. What an earlier run has done already is taken up from
-    the store.
+    report.json, summary.md, junit.xml, report.sarif and run.jsonl. What an earlier run has done
+    already is taken up from the store.
+
+    With --language, --character, --lines or --changed, only files that hold a line which fits are
+    written. Other lines in them are as they were delivered last.
     """
     if no_cache and (cache is not None or shard is not None):
         raise click.UsageError(
             "--no-cache keeps nothing, so it goes with neither --cache nor --shard."
         )
-    chosen: Path | Literal[False] | None = False if no_cache else cache
-    if dry_run:
-        rehearsal = api.rehearse(job, output=output, speak=speak, cache=chosen, rehash=rehash)
-        _show_rehearsal(rehearsal)
-        if as_json:
-            click.echo(json.dumps(rehearsal.to_document(), ensure_ascii=False, indent=1))
-        return 0
-    folder = output or read_job(job, check=False).output
-    with progress("lines", "assets") as listener:
-        report = api.run(
-            job,
-            output=folder,
-            executor="inline" if executor == "inline" else "local",
-            workers=workers,
-            fail_on=fail_on,
-            speak=speak,
-            cache=chosen,
-            rehash=rehash,
-            shard=shard,
-            listener=listener,
-        )
-    processes = 1 if executor == "inline" else workers or default_workers()
-    if shard is not None:
-        return _end_shard(report, shard, processes, as_json)
-    return end_run(report, folder, processes, as_json)
-
-
-def end_run(report: RunReport, folder: Path, processes: int, as_json: bool) -> int:
-    """Tell people and programs how a run ended; gives the exit code."""
-    _show((folder / "summary.md").read_text(encoding="utf-8"))
-    click.echo(f"{effort_of(report, processes)} Everything is in {folder}.", err=True)
-    if as_json:
-        document = json.loads((folder / "report.json").read_text(encoding="utf-8"))
-        click.echo(
-            json.dumps(
-                {**document, **_figures(report), "output": str(folder)},
-                ensure_ascii=False,
-                indent=1,
-            )
-        )
-    return report.exit_code
-
-
-def effort_of(report: RunReport, processes: int) -> str:
-    """What a run took, in a sentence or two."""
-    effort = report.effort
-    factor = f", {report.audio_s / report.wall_s:.1f} times real time" if report.wall_s else ""
-    known = (
-        f"{effort.known_lines} of {effort.lines} lines and {effort.known_files} of "
-        f"{effort.files} files were there already."
+    order = Order(
+        job,
+        output,
+        workers,
+        executor,
+        fail_on,
+        speak,
+        False if no_cache else cache,
+        shared.selected(languages, characters, patterns, changed),
+        as_json,
+        rehash,
+        shard,
     )
-    return (
-        f"{len(report.lines)} lines in {report.wall_s:.1f} s on {processes} processors, "
-        f"{report.cpu_s:.1f} CPU-seconds for {report.audio_s:.1f} s of audio{factor}. {known}"
+    return _rehearse(order) if dry_run else run_and_tell(order)[1]
+
+
+def _rehearse(order: Order) -> int:
+    """Say what would be done."""
+    rehearsal = api.rehearse(
+        order.job,
+        output=order.output,
+        speak=order.speak,
+        cache=order.cache,
+        rehash=order.rehash,
+        selection=order.selection,
     )
-
-
-def _figures(report: RunReport) -> dict[str, object]:
-    """What `--json` says beyond the report: the run's own effort."""
-    effort = report.effort
-    return {
-        "wall_s": report.wall_s,
-        "cpu_s": report.cpu_s,
-        "known_lines": effort.known_lines,
-        "files": effort.files,
-        "known_files": effort.known_files,
-        "step_s": dict(effort.step_s),
-    }
-
-
-def _end_shard(report: RunReport, shard: str, processes: int, as_json: bool) -> int:
-    counts = {status: report.count(status) for status in ("ok", "review", "failed")}
-    worst = sorted(
-        (f for f in report.all_findings if f.severity >= Severity.WARNING),
-        key=lambda finding: -finding.severity,
-    )
-    for finding in worst[:MOST_SHOWN]:
-        click.echo(f"{finding.line or 'run'}: {finding}", err=True)
-    if len(worst) > MOST_SHOWN:
-        click.echo(f"… and {len(worst) - MOST_SHOWN} more", err=True)
-    said = ", ".join(f"{count} {status}" for status, count in counts.items())
-    click.echo(f"Shard {shard}: {said}. {effort_of(report, processes)}", err=True)
-    if as_json:
-        document = {"shard": shard, "exit_code": report.exit_code, "totals": counts}
-        click.echo(json.dumps({**document, **_figures(report)}, indent=1))
-    return report.exit_code
+    _show_rehearsal(rehearsal)
+    if order.as_json:
+        click.echo(json.dumps(rehearsal.to_document(), ensure_ascii=False, indent=1))
+    return 0
 
 
 def _show_rehearsal(rehearsal: Rehearsal) -> None:
@@ -171,6 +115,10 @@ def _show_rehearsal(rehearsal: Rehearsal) -> None:
         click.echo(f"{line}: {', '.join(causes)}", err=True)
     if len(rehearsal.stale) > MOST_SHOWN:
         click.echo(f"… and {len(rehearsal.stale) - MOST_SHOWN} more lines", err=True)
+    for line, causes in list(rehearsal.outdated.items())[:MOST_SHOWN]:
+        click.echo(f"{line}: would stay as it is ({', '.join(causes)})", err=True)
+    if len(rehearsal.outdated) > MOST_SHOWN:
+        click.echo(f"… and {len(rehearsal.outdated) - MOST_SHOWN} more lines", err=True)
     for file in rehearsal.unwritten[:MOST_SHOWN]:
         click.echo(f"{file}: would be written", err=True)
     if len(rehearsal.unwritten) > MOST_SHOWN:
@@ -182,14 +130,3 @@ def _show_rehearsal(rehearsal: Rehearsal) -> None:
         f"{len(rehearsal.unwritten)} of {rehearsal.files} files written. Nothing was.",
         err=True,
     )
-
-
-def _show(summary: str) -> None:
-    """The summary on stderr, set in type where there is a terminal."""
-    if not sys.stderr.isatty():
-        click.echo(summary, err=True)
-        return
-    from rich.console import Console  # takes its time
-    from rich.markdown import Markdown
-
-    Console(stderr=True).print(Markdown(summary))

@@ -44,7 +44,7 @@ def command(
     PATH is a job file or a folder of recordings with their transcripts. Lines in doubt are left
     out. `animeme align --voices` and a job's [align] voices use what was learned.
     """
-    with progress("voices") as listener:
+    with progress() as listener:
         report = api.learn_voices(
             path,
             output=output,

@@ -33,6 +33,7 @@ from animeme.documents.marks import MarksDocument
 from animeme.documents.reports import (
     AlignReportDocument,
     CacheDocument,
+    DiffDocument,
     RehearsalDocument,
     ReportDocument,
 )
@@ -48,6 +49,7 @@ KINDS: dict[str, type[BaseModel]] = {
     "cache": CacheDocument,
     "check-profile": CheckProfileDocument,
     "curves": CurvesDocument,
+    "diff": DiffDocument,
     "edits": EditsDocument,
     "job": JobDocument,
     "manifest": ManifestDocument,

@@ -44,6 +44,9 @@ class ReportDocument(Document):
     totals: dict[str, dict[str, int]] = Field(
         description="Character → how many of its lines are ok, review and failed."
     )
+    languages: dict[str, dict[str, int]] = Field(
+        default_factory=dict, description="Language → the same of its lines."
+    )
     audio_s: Seconds
     findings: list[FindingEntry] = Field(description="Those that concern no single line.")
     lines: list[LineEntry]
@@ -113,6 +116,10 @@ class RehearsalDocument(Document):
     totals: RehearsalTotals
     causes: dict[str, int] = Field(description="Cause → how many lines it makes stale.")
     lines: list[StaleLineEntry]
+    outdated: list[StaleLineEntry] = Field(
+        default_factory=list,
+        description="Lines that have changed, but would stay as they are: nobody asked for them.",
+    )
     files: list[str] = Field(
         description="Asset files that would be written, relative to the output folder."
     )
@@ -132,3 +139,60 @@ class CacheDocument(Document):
     damaged: list[str] | None = Field(None, description="Keys of results that were removed.")
     removed: int | None = Field(None, description="How many results were removed.")
     freed_bytes: int | None = None
+
+
+class DiffTotals(Document):
+    """Counts."""
+
+    compared: int = Field(description="Animations that both have.")
+    beyond: int = Field(description="Those that are not the same within the tolerance.")
+    only_a: int
+    only_b: int
+    unread: int
+
+
+class DifferenceEntry(Document):
+    """An animation that both have."""
+
+    file: str = Field(description="Below the folders that were compared.")
+    animation: str
+    largest: Number = Field(description="Largest difference of a weight, in weight units.")
+    mean: Number = Field(description="Mean over all shapes and all time, in weight units.")
+    shape: str = Field(description="Whose difference is the largest; empty if there is none.")
+    at_s: Number = Field(description="When.")
+    ends_s: list[Number] = Field(description="Times of the last keys.", min_length=2, max_length=2)
+    only_a: list[str] = Field(description="Shapes that only the character of A has.")
+    only_b: list[str]
+    beyond: bool
+
+
+class AloneEntry(Document):
+    """What only one side has."""
+
+    side: Literal["a", "b"]
+    file: str
+    animation: str = Field(description="Empty for a whole file.")
+
+
+class UnreadEntry(Document):
+    """A file that cannot be read."""
+
+    side: Literal["a", "b"]
+    file: str
+    problem: str
+
+
+class DiffDocument(Document):
+    """How the curves of two runs differ."""
+
+    schema_: Literal["animeme.diff/1"] = Field(alias="schema")
+    animeme: str = Field(description="Version that compared.")
+    a: str
+    b: str
+    tolerance: Number = Field(description="In weight units.")
+    exit_code: int
+    totals: DiffTotals
+    largest: Number = Field(description="Largest difference of all, in weight units.")
+    animations: list[DifferenceEntry] = Field(description="The largest difference first.")
+    alone: list[AloneEntry]
+    unread: list[UnreadEntry]

@@ -19,6 +19,7 @@ ABSENT = "absent"
 
 # File systems count time in steps: of 4 ms and less, of 1 or 2 s where no digits follow.
 _STEP_NS = 50_000_000
+_COARSE_NS = 1_000_000
 _COARSE_STEP_NS = 2_100_000_000
 
 
@@ -34,7 +35,13 @@ class Digests:
         self._index = index
         self._rehash = rehash
         self._fresh: dict[str, tuple[str, str]] = {}
+        self._unsettled: set[str] = set()
         self._folder = os.getcwd()
+
+    @property
+    def rehashes(self) -> bool:
+        """Every file is read, whatever it looks like."""
+        return self._rehash
 
     def load(self, *folders: Path) -> None:
         """Have what is known of files below these folders at hand, in one query each."""
@@ -47,7 +54,6 @@ class Digests:
 
     def look(self, path: str | Path) -> tuple[str | None, str]:
         """Digest of a file as `of` gives it, and its stamp at that moment."""
-        seen_ns = time.time_ns()
         now = stamp(path)
         if not now:
             return ABSENT, ""
@@ -58,6 +64,7 @@ class Digests:
             known = self._index.file(full)
         if known is not None and known[0] == now:
             return known[1], now
+        seen_ns = time.time_ns()
         try:
             digest = sha256(Path(path))
         except OSError:
@@ -77,15 +84,35 @@ class Digests:
             seen_ns: when that was, in nanoseconds since the epoch; now if None.
         """
         full = os.path.join(self._folder, path)
-        self._fresh[full] = stamped, digest
-        _, modified, changed, _ = map(int, stamped.split(":"))
-        last = max(modified, changed)
-        step = _STEP_NS if last % 1_000_000 else _COARSE_STEP_NS
-        if (seen_ns or time.time_ns()) - last > step:
+        last_ns = _last_ns(stamped)
+        step_ns = _STEP_NS if last_ns % _COARSE_NS else _COARSE_STEP_NS
+        if (seen_ns or time.time_ns()) - last_ns > step_ns:
             self._index.set_file(full, stamped, digest)
+            self._unsettled.discard(full)
+            if not self._rehash:
+                self._fresh.pop(full, None)
+                return
+        else:
+            self._unsettled.add(full)
+        self._fresh[full] = stamped, digest
+
+    def trusts(self, path: str) -> bool:
+        """Whether a file that was looked at or learnt will look different once it is changed."""
+        return os.path.join(self._folder, path) not in self._unsettled
 
     def settle(self) -> None:
-        """At the end of a run: learn what was too fresh to be trusted when it was learnt."""
-        for path, (stamped, digest) in self._fresh.items():
-            if self._index.loaded_file(path) != (stamped, digest) and stamp(path) == stamped:
+        """Learn what was too fresh to be trusted when it was learnt, and is as it was then.
+
+        Where times are coarse, a file may have changed again without any sign of it: it is read
+        by the next run.
+        """
+        for path in [*self._unsettled]:
+            stamped, digest = self._fresh[path]
+            if _last_ns(stamped) % _COARSE_NS and stamp(path) == stamped:
                 self.learn(path, stamped, digest)
+
+
+def _last_ns(stamped: str) -> int:
+    """When the file of a stamp was last changed, in nanoseconds since the epoch."""
+    _, modified, changed, _ = map(int, stamped.split(":"))
+    return max(modified, changed)

@@ -21,6 +21,9 @@ _SCHEMA = """
 CREATE TABLE IF NOT EXISTS files (
     path TEXT PRIMARY KEY, stamp TEXT NOT NULL, digest TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS notes (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS recent (
+    scope TEXT NOT NULL, name TEXT NOT NULL, seen TEXT NOT NULL, value TEXT NOT NULL,
+    PRIMARY KEY (scope, name)) WITHOUT ROWID;
 """
 _AT_ONCE = 20_000  # fewer than SQLite's limit of variables
 
@@ -40,7 +43,10 @@ def index_path(store: Path) -> Path:
 
 
 class Index:
-    """Two tables: files → stamp and digest; notes, key → text. Written when it is closed.
+    """Three tables, written when it is closed.
+
+    Files → stamp and digest; notes, key → text; and what of a job's last run is looked up by name:
+    what something looked like then, and what was known of it.
 
     Args:
         path: its file; None keeps it in memory.
@@ -54,6 +60,7 @@ class Index:
         self._notes: dict[str, str] = {}
         self._new_files: dict[str, tuple[str, str]] = {}
         self._new_notes: dict[str, str] = {}
+        self._new_recent: dict[tuple[str, str], tuple[str, str]] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -83,10 +90,6 @@ class Index:
                 known = self._files[path] = (stamp, digest)
         return known
 
-    def loaded_file(self, path: str) -> tuple[str, str] | None:
-        """As `file`, but only of what is at hand."""
-        return self._new_files.get(path) or self._files.get(path)
-
     def set_file(self, path: str, stamp: str, digest: str) -> None:
         """Remember the digest of a file."""
         with suppress(UnicodeEncodeError):  # a name that is not UTF-8 is asked for each time
@@ -113,6 +116,24 @@ class Index:
         """Remember a note."""
         self._new_notes[key] = value
 
+    def recent(self, scope: str, names: Iterable[str]) -> dict[str, tuple[str, str]]:
+        """Name → what it looked like in the last run, and what was known of it."""
+        asked = list(names)
+        found: dict[str, tuple[str, str]] = {}
+        for first in range(0, len(asked), _AT_ONCE):
+            part = asked[first : first + _AT_ONCE]
+            marks = ",".join("?" * len(part))
+            query = f"SELECT name, seen, value FROM recent WHERE scope = ? AND name IN ({marks})"
+            found.update((n, (seen, value)) for n, seen, value in self._rows(query, [scope, *part]))
+        if self._new_recent:
+            new = {name: self._new_recent.get((scope, name)) for name in asked}
+            found.update((name, row) for name, row in new.items() if row is not None)
+        return found
+
+    def set_recent(self, scope: str, name: str, seen: str, value: str) -> None:
+        """Remember what something looks like in this run, and what is known of it."""
+        self._new_recent[scope, name] = (seen, value)
+
     def forget(self, keys: Iterable[str]) -> None:
         """Drop notes that turned out to be wrong."""
         gone = [(key,) for key in keys]
@@ -124,10 +145,14 @@ class Index:
         """Write what is new."""
         files = [(path, *known) for path, known in self._new_files.items()]
         if self._write("INSERT OR REPLACE INTO files VALUES (?, ?, ?)", files):
-            self._files |= self._new_files
+            for path in self._files.keys() & self._new_files.keys():
+                del self._files[path]
             self._new_files = {}
         if self._write("INSERT OR REPLACE INTO notes VALUES (?, ?)", [*self._new_notes.items()]):
             self._new_notes = {}
+        recent = [(*key, *known) for key, known in self._new_recent.items()]
+        if self._write("INSERT OR REPLACE INTO recent VALUES (?, ?, ?, ?)", recent):
+            self._new_recent = {}
 
     def _rows(self, query: str, values: Iterable[str]) -> list[tuple[str, ...]]:
         try:

@@ -17,6 +17,9 @@ class LexiconParts:
     An aligner with a method ``lexicon_part(text, *, language, lexicon)`` says what of the file
     counts for a text; for any other it is the whole file.
 
+    Attributes:
+        state: what every part depends on; "" without a lexicon.
+
     Args:
         memory: remembers the parts.
         aligner: name of the aligner.
@@ -26,11 +29,12 @@ class LexiconParts:
     def __init__(self, memory: Memory, aligner: str, lexicon: Path | None) -> None:
         self._memory = memory
         self._aligner = aligner
+        self.state = ""
         self._lexicon = lexicon
         if lexicon is not None:
             self._digest = memory.digests.of(lexicon)
             code = memory.code.of([registry.find(registry.ALIGNERS, aligner)])
-            self._prefix = f"lexicon:{self._digest}:{code[:16]}"
+            self.state = f"lexicon:{self._digest}:{code[:16]}"
 
     def of(self, line: Line, text: str) -> str:
         """What the line's alignment is keyed on.
@@ -43,7 +47,7 @@ class LexiconParts:
             return ""
         if not has_transcript(line):
             return f"all of {self._digest}"  # the words of its timings are not known here
-        key = f"{self._prefix}:{line.language}:{hashlib.sha256(text.encode()).hexdigest()}"
+        key = f"{self.state}:{line.language}:{hashlib.sha256(text.encode()).hexdigest()}"
         noted = self._memory.index.note(key)
         if noted is None:
             noted = self._part(line, self._lexicon)

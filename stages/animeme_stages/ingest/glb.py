@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import struct
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,8 @@ from animeme.errors import InputError
 _MAGIC = b"glTF"
 _JSON = 0x4E4F534A
 _BIN = 0x004E4942
+# Characters of JSON; a longer one is not kept.
+_SHORT = 8_000_000
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,15 @@ def _decode(path: Path, data: bytes) -> str:
         raise unreadable(path, f"holds no JSON ({str(error)[:120]})") from error
 
 
+@lru_cache(maxsize=3)
+def _parsed(text: str) -> Any:
+    """What JSON says; of one text it is one object, which nobody changes.
+
+    A line's file is opened by its writer and by each check, and its source for every line anew.
+    """
+    return json.loads(text, parse_constant=_no_number)
+
+
 def parse(path: Path, text: str) -> dict[str, Any]:
     """The root object of a glTF 2.x document.
 
@@ -140,7 +151,7 @@ def parse(path: Path, text: str) -> dict[str, Any]:
         InputError: it is none.
     """
     try:
-        parsed = json.loads(text, parse_constant=_no_number)
+        parsed = _parsed(text) if len(text) < _SHORT else _parsed.__wrapped__(text)
     except (ValueError, RecursionError) as error:
         raise unreadable(path, f"holds no JSON ({str(error)[:120]})") from error
     if not isinstance(parsed, dict):

@@ -1,22 +1,39 @@
 """Findings as JUnit XML, as Jenkins, GitLab and GitHub's test reporters take it.
 
-One test suite per file, one test case per thing that was looked at. The form is that of Jenkins'
-xUnit schema (junit-10.xsd): a case has at most one ``failure``; further findings stand in its text.
+One test suite per file, or per language and character of a run; one test case per thing that was
+looked at. The form is that of Jenkins' xUnit schema (junit-10.xsd): a case has at most one
+``failure``; further findings stand in its text.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from xml.etree import ElementTree as Xml
+from xml.sax.saxutils import escape
 
 from animeme.ci import Case
-from animeme.files import write_text
-from animeme.findings import Severity
+from animeme.files import update_text
+from animeme.findings import Finding, RunReport, Severity
 
 # What XML 1.0 cannot say.
 _UNSAYABLE = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_PLAIN = re.compile(r"[\w /.,:;()'-]*")  # needs no second look: most names, of which there are many
+_IN_ATTRIBUTES = {'"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
+
+
+def write(report: RunReport, output: Path) -> Path:
+    """Write ``junit.xml`` of a run into its output folder and return its path."""
+    path = output / "junit.xml"
+    junit(_cases(report), path, name=report.job, fail_on=report.fail_on)
+    return path
+
+
+def _cases(report: RunReport) -> Iterator[Case]:
+    """One for what concerns no line, then one per line and character."""
+    yield Case("run", report.job, report.findings)
+    for line in sorted(report.lines, key=lambda line: (line.language, line.character, line.line)):
+        yield Case(f"{line.language}/{line.character}", line.line, line.findings)
 
 
 def junit(
@@ -25,7 +42,8 @@ def junit(
     """Write cases to `target`, atomically.
 
     Args:
-        cases: in the order in which they are shown.
+        cases: in the order in which they are shown; suites as they first occur. Names that a suite
+            has twice are numbered.
         target: the file to write.
         name: of the whole.
         fail_on: findings from here on fail their case; lesser ones are its ``system-out``.
@@ -33,52 +51,66 @@ def junit(
     suites: dict[str, list[Case]] = {}
     for case in cases:
         suites.setdefault(case.suite, []).append(case)
-    root = Xml.Element("testsuites", name=_said(name))
+    rows: list[str] = []
     total = [0, 0, 0, 0]
     for suite, inside in suites.items():
-        element = Xml.SubElement(root, "testsuite", name=_said(suite))
+        label = _attribute(suite)
         counts = [len(inside), 0, 0, 0]
+        texts = []
+        used: dict[str, int] = {}
         for case in inside:
-            kind = _case(element, case, fail_on)
-            counts[1] += kind == "failure"
-            counts[2] += kind == "error"
-            counts[3] += kind == "skipped"
-        _count(element, counts)
+            used[case.name] = often = used.get(case.name, 0) + 1
+            title = _attribute(case.name if often == 1 else f"{case.name} ({often})")
+            kind, content = _content(case, fail_on) if case.findings or case.skipped else ("", "")
+            if kind:
+                counts[("failure", "error", "skipped").index(kind) + 1] += 1
+            head = f'  <testcase classname="{label}" name="{title}" time="0"'
+            texts.append(f"{head}>\n{content}  </testcase>" if content else f"{head} />")
+        rows.append(f' <testsuite name="{label}"{_counted(counts)}>')
+        rows += texts
+        rows.append(" </testsuite>")
         total = [a + b for a, b in zip(total, counts, strict=True)]
-    _count(root, total[:3])
-    Xml.indent(root)
-    text = Xml.tostring(root, encoding="unicode")
-    write_text(target, f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n')
-
-
-def _count(element: Xml.Element, counts: Sequence[int]) -> None:
-    names = ("tests", "failures", "errors", "skipped")
-    for name, count in zip(names, counts, strict=False):
-        element.set(name, str(count))
-    element.set("time", "0")
-
-
-def _case(suite: Xml.Element, case: Case, fail_on: Severity) -> str:
-    """Add a case; gives "failure", "error" (a fault of ours), "skipped" or ""."""
-    element = Xml.SubElement(
-        suite, "testcase", classname=suite.get("name", ""), name=_said(case.name), time="0"
+    text = "\n".join(
+        [
+            '<?xml version="1.0" encoding="UTF-8"?>',
+            f'<testsuites name="{_attribute(name)}"{_counted(total[:3])}>',
+            *rows,
+            "</testsuites>",
+            "",
+        ]
     )
+    update_text(target, text)
+
+
+def _counted(counts: Sequence[int]) -> str:
+    names = ("tests", "failures", "errors", "skipped")
+    said = "".join(f' {n}="{count}"' for n, count in zip(names, counts, strict=False))
+    return f'{said} time="0"'
+
+
+def _content(case: Case, fail_on: Severity) -> tuple[str, str]:
+    """What a case has inside; first "failure", "error" (a fault of ours), "skipped" or ""."""
     bad = [finding for finding in case.findings if finding.severity >= fail_on]
     good = [finding for finding in case.findings if finding.severity < fail_on]
-    kind = ""
+    kind = text = ""
     if bad:
         kind = "error" if all(finding.ours for finding in bad) else "failure"
-        worst = bad[0]
-        child = Xml.SubElement(element, kind, message=_said(worst.message), type=worst.code)
-        child.text = _said("\n".join(str(finding) for finding in bad))
+        head = f'message="{_attribute(bad[0].message)}" type="{_attribute(bad[0].code)}"'
+        text = f"   <{kind} {head}>{_lines(bad)}</{kind}>\n"
     elif case.skipped:
         kind = "skipped"
-        Xml.SubElement(element, kind, message=_said(case.skipped))
+        text = f'   <{kind} message="{_attribute(case.skipped)}" />\n'
     if good:
-        said = "\n".join(str(finding) for finding in good)
-        Xml.SubElement(element, "system-out").text = _said(said)
-    return kind
+        text += f"   <system-out>{_lines(good)}</system-out>\n"
+    return kind, text
 
 
-def _said(text: str) -> str:
-    return _UNSAYABLE.sub("\ufffd", text)
+def _lines(findings: Iterable[Finding]) -> str:
+    said = "\n".join(str(finding) for finding in findings)
+    return escape(_UNSAYABLE.sub("\ufffd", said), {"\r": "&#13;"})
+
+
+def _attribute(text: str) -> str:
+    if _PLAIN.fullmatch(text):
+        return text
+    return escape(_UNSAYABLE.sub("\ufffd", text), _IN_ATTRIBUTES)

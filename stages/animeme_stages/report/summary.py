@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from animeme.files import write_text
-from animeme.findings import Finding, LineResult, LineStatus, RunReport
-from animeme_stages.report.json_report import STATUSES, spoken_s
+from animeme.files import update_text
+from animeme.findings import Finding, LineResult, RunReport, Severity
+from animeme_stages.report.tally import Tally, tallies
 
 # More would not be read; report.json has them all.
 MOST_FINDINGS = 40
+MOST_OUTPUTS = 200
 
 
 def write(report: RunReport, output: Path) -> Path:
     """Write ``summary.md`` into the output folder and return its path."""
     path = output / "summary.md"
-    write_text(path, text(report))
+    update_text(path, text(report))
     return path
 
 
@@ -26,6 +28,7 @@ def text(report: RunReport) -> str:
         [
             f"# {report.job}",
             "",
+            *_partial(report),
             *_table(report),
             *_unrecorded(report),
             *_findings(report),
@@ -34,21 +37,30 @@ def text(report: RunReport) -> str:
     )
 
 
+def _partial(report: RunReport) -> Iterator[str]:
+    """Where a run was about some of the lines, which."""
+    for finding in report.findings:
+        if finding.code == "run-partial":
+            yield f"{finding.message}. {finding.action}"
+            yield ""
+
+
 def _table(report: RunReport) -> Iterator[str]:
+    counted = tallies(report.lines)
     yield "| language | character | lines | ok | review | failed | audio |"
     yield "| --- | --- | ---: | ---: | ---: | ---: | ---: |"
-    groups = sorted({(line.language, line.character) for line in report.lines})
-    for language, character in groups:
-        own = [li for li in report.lines if (li.language, li.character) == (language, character)]
-        counts = [report.count(s, character=character, language=language) for s in STATUSES]
-        yield _row([language, character, len(own), *counts, f"{spoken_s(own):.1f} s"])
-    totals = [report.count(status) for status in STATUSES]
-    yield _row(["**all**", "", len(report.lines), *totals, f"{spoken_s(report.lines):.1f} s"])
+    for (language, character), tally in counted.groups.items():
+        yield _row(language, character, tally)
+    if len(counted.languages) > 1 and len(counted.characters) > 1:
+        yield from (_row(f"**{name}**", "all", tally) for name, tally in counted.languages.items())
+        yield from (_row("all", f"**{name}**", tally) for name, tally in counted.characters.items())
+    yield _row("**all**", "", counted.all)
     yield ""
 
 
-def _row(cells: list[object]) -> str:
-    return f"| {' | '.join(str(cell) for cell in cells)} |"
+def _row(language: str, character: str, tally: Tally) -> str:
+    cells = [language, character, tally.lines, *tally.counts.values(), f"{tally.audio_s:.1f} s"]
+    return f"| {' | '.join(map(str, cells))} |"
 
 
 def _unrecorded(report: RunReport) -> Iterator[str]:
@@ -83,8 +95,14 @@ def _findings(report: RunReport) -> Iterator[str]:
 
 
 def _worst_first(report: RunReport) -> list[LineResult]:
-    rank: dict[LineStatus, int] = {"failed": 0, "review": 1, "ok": 2}
-    return sorted(report.lines, key=lambda line: rank[line.status])
+    """Lines that are not ok: those that failed, then by how much there is to look at."""
+    bad = [line for line in report.lines if line.status != "ok"]
+
+    def order(line: LineResult) -> tuple[int, ...]:
+        counts = Counter(finding.severity for finding in line.findings)
+        return (-counts[Severity.ERROR], -counts[Severity.WARNING])
+
+    return sorted(bad, key=order)
 
 
 def _sentence(finding: Finding) -> str:
@@ -94,8 +112,11 @@ def _sentence(finding: Finding) -> str:
 
 
 def _outputs(report: RunReport) -> Iterator[str]:
-    if report.outputs:
-        yield "## Written"
-        yield ""
-        yield from (f"- `{path}`" for path in report.outputs)
-        yield ""
+    if not report.outputs:
+        return
+    yield "## Written"
+    yield ""
+    yield from (f"- `{path}`" for path in report.outputs[:MOST_OUTPUTS])
+    if len(report.outputs) > MOST_OUTPUTS:
+        yield f"- … and {len(report.outputs) - MOST_OUTPUTS} more in `report.json`"
+    yield ""

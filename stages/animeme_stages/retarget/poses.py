@@ -59,6 +59,8 @@ def solve(controls: Floats, poses: Sequence[Mapping[str, float]]) -> Floats:
     Returns:
         Shape (T, P), each at least 0.
     """
+    # Imported here: every worker would wait for it, and few rigs are made of poses.
+
     picture = features()
     target = controls @ picture.T
     shown = np.array([[pose.get(c, 0.0) for c in arkit_controls()] for pose in poses]) @ picture.T

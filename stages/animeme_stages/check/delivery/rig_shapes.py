@@ -23,7 +23,7 @@ class RigShapes:
         "rig-unknown": Code(
             Severity.WARNING,
             "The shapes are of no known family of rigs.",
-            "Say which profile fits with --rig, or draft one: animeme rig draft.",
+            "Say which profile fits with --rig, or draft one: animeme rig ASSET --draft FILE.",
         ),
         "rig-incomplete": Code(
             Severity.WARNING,

@@ -205,7 +205,10 @@ class Findings {
   jump(finding) {
     if (!finding.when_s) return;
     this._clock.seek(finding.when_s[0]);
-    this._items.forEach(({ finding: each, item }) => item.classList.toggle("here", each === finding));
+    for (const { finding: each, item } of this._items) {
+      item.classList.toggle("here", each === finding);
+      if (each === finding) item.scrollIntoView({ block: "nearest" });
+    }
     this._herald.say(`${finding.severity}: ${finding.message}`);
   }
 
