@@ -269,3 +269,26 @@ def test_marks_have_a_schema() -> None:
         jsonschema.validate(
             {**document, "marks": [{**marks, "mark": "?"}]}, animeme_schemas.load("marks")
         )
+
+
+def test_a_strange_asset_is_shown_without_its_head(
+    sample_run: tuple[RunReport, Path], tmp_path: Path
+) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(sample_run[1], run)
+    glb = (run / "en" / "crab.glb").read_bytes()
+    # A material that refers to a texture which is not there: the curves are sound all the same.
+    strange = glb.replace(b'"baseColorFactor":[', b'"baseColorTexture":{"index":7},"q":[', 1)
+    text, rest = strange[20:], len(strange) - len(glb)
+    length = int.from_bytes(glb[12:16], "little")
+    document = text[: length + rest].rstrip()
+    document += b" " * (-len(document) % 4)
+    body = strange[20 + length + rest :]
+    size = 20 + len(document) + len(body)
+    head = glb[:8] + size.to_bytes(4, "little") + len(document).to_bytes(4, "little") + glb[16:20]
+    (run / "en" / "crab.glb").write_bytes(head + document + body)
+    animeme.review(run, tmp_path / "out", lines=["en/boat"])
+    line = data_of(tmp_path / "out" / "lines" / "crab" / "en" / "boat.html")["line"]
+    assert line["takes"][0]["asset"] is None
+    assert line["takes"][0]["names"]
+    assert any("The head of en/crab.glb cannot be shown" in text for text in line["remarks"])

@@ -123,8 +123,13 @@ class RunReview:
             except InputError as error:
                 remarks.append(f"{file} cannot be shown: {error.problem}.")
                 continue
+            except Exception as error:  # noqa: BLE001  one bad file costs its own lines the head
+                remarks.append(f"{file} cannot be shown: its reader failed ({error}).")
+                continue
             if _id_of(line) in animations:
                 performed.append(animations[_id_of(line)])
+            else:
+                remarks.append(f"The head is not shown: {file} does not hold the line any more.")
         recorded = self._recorded.get(line.key)
         audio = self._audio(line.key, recorded)
         if audio is None:

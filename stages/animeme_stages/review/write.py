@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import quote
 
 from animeme.errors import InputError
-from animeme.files import unwritable, write_bytes
+from animeme.files import stamp, unwritable, write_bytes
 from animeme.reviewing import (
     Detail,
     Listener,
@@ -159,7 +159,7 @@ class _Writer:
         """Name of the viewing copy of a face; None if there is none."""
         if html.head_script() is None:
             return None
-        key = (performed.face, str(performed.face.stat().st_mtime_ns))
+        key = (performed.face, stamp(performed.face))
         if key not in self._digests:
             self._digests[key] = self._made(performed)
         digest, why = self._digests[key]
@@ -172,6 +172,9 @@ class _Writer:
             view: View = view_of(performed.face)
         except InputError as error:
             return None, f"The head of {performed.file} cannot be shown: it {error.problem}."
+        except Exception as error:  # noqa: BLE001  strange files are shown without their head
+            why = f"{type(error).__name__}: {error}"
+            return None, f"The head of {performed.file} cannot be shown: reading failed ({why})."
         digest = view.digest
         name = f"assets/{digest}.js"
         if digest not in self._assets and name not in self._written:
