@@ -130,7 +130,7 @@ def _from_path(name: str) -> Tool:
 def _require_success(name: str, done: subprocess.CompletedProcess[str]) -> None:
     if done.returncode:
         said = (done.stderr or done.stdout).strip().splitlines()
-        raise RuntimeError(f"{name} failed: {said[-1] if said else done.returncode}")
+        raise RuntimeError(f"{name} failed: {' '.join(said[:3]) or done.returncode}")
 
 
 if __name__ == "__main__":  # by hand, in a checkout: python hatch_build.py

@@ -253,7 +253,7 @@ def test_without_the_bundle_the_page_says_how_to_have_it(
     monkeypatch.setattr("animeme_stages.review.html.head_script", lambda: None)
     written = animeme.review(sample_run[1], tmp_path, lines=["en/boat"])
     assert not written.head
-    assert "install Node" in written.remarks[0]
+    assert "pip install --editable ." in written.remarks[0]
     line = data_of(tmp_path / "lines" / "ada" / "en" / "boat.html")["line"]
     assert written.remarks[0] in line["remarks"]
     assert line["takes"][0]["asset"] is None

@@ -3,30 +3,35 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from animeme import documents, registry
-from animeme.curves import CurveSet
-from animeme.deliveries import read_deliveries, seen
-from animeme.delivery import Performance, StoredReader, StoredTrack
+from animeme.deliveries import seen
+from animeme.delivery import StoredReader, StoredTrack
 from animeme.dialogue import Line, find_lines, transcript_of
 from animeme.errors import AnimemeError, InputError
 from animeme.files import anywhere
-from animeme.findings import Finding, Severity, status_of
+from animeme.findings import Finding, Severity
 from animeme.gathering import gather
 from animeme.job import CharacterJob, Job, read_job
-from animeme.phones import SILENCE, PhoneTrack
-from animeme.reviewing import Detail, Performed, Reviewable, ReviewedLine
-from animeme.validation import DEFAULT_PROFILE, validate
+from animeme.phones import PhoneTrack
+from animeme.review_delivery import DeliveryReview
+from animeme.reviewing import (
+    DEFAULT_FRAME_HZ,
+    Detail,
+    Performed,
+    Reviewable,
+    ReviewedLine,
+    moving,
+    scores_of,
+)
+from animeme.validation import DEFAULT_PROFILE
 
 REPORT = "report.json"
-DEFAULT_FRAME_HZ = 30.0
 # Files of one character in one language that are kept open between lines.
 _OPEN_FILES = 4
 
@@ -193,117 +198,10 @@ class RunReview:
                 continue
             lead_s = self._job.curves.preroll_s if self._job else 0.0
             for name, curves in clip.read_animations(path).items():
-                shapes = _moving(curves, character.rest_weights())
+                shapes = moving(curves, character.rest_weights())
                 found[name] = Performed(file, path, name, asset, shapes, lead_s)
             break
         return found
-
-
-class DeliveryReview:
-    """Delivered files, ours or anybody's.
-
-    Args:
-        path: a file, or a folder of them.
-        dialogue: folder of the recordings, None if there are none to be heard.
-        language, aligner, lexicon, rig, profile: as for `animeme.validation.validate`.
-    """
-
-    frame_hz = DEFAULT_FRAME_HZ
-
-    def __init__(
-        self,
-        path: Path,
-        *,
-        dialogue: Path | None,
-        language: str | None,
-        aligner: str,
-        lexicon: Path | None,
-        rig: str,
-        profile: str,
-    ) -> None:
-        self.title = path.stem if path.is_file() else path.resolve().name
-        subjects, _ = read_deliveries(
-            [path], against=None, dialogue=dialogue, names={}, rig=rig, language=language,
-            aligner=aligner, lexicon=lexicon,
-        )  # fmt: skip
-        judged = validate(
-            [path], dialogue=dialogue, profile=profile, rig=rig, language=language,
-            aligner=aligner, lexicon=lexicon,
-        )  # fmt: skip
-        self._root = path if path.is_dir() else path.parent
-        self._takes: dict[tuple[str, str], list[Performance]] = {}
-        for delivery in subjects.files:
-            for performance in delivery.performances:
-                name = (performance.line, delivery.path.stem)
-                self._takes.setdefault(name, []).append(performance)
-        found: dict[tuple[str, str], list[Finding]] = {}
-        general: list[Finding] = []
-        for finding in judged.all_findings:
-            name = (finding.line, Path(finding.file).stem)
-            if name in self._takes:
-                found.setdefault(name, []).append(finding)
-            else:
-                general.append(finding)
-        self.findings: tuple[Finding, ...] = tuple(general)
-        self.lines = tuple(
-            self._line(*name, takes, found.get(name, []))
-            for name, takes in sorted(self._takes.items(), key=lambda entry: entry[0][::-1])
-        )
-        if not self.lines:
-            broken = next((file.error for file in subjects.files if file.error), None)
-            raise broken or InputError(
-                "review-empty",
-                "holds no animation of a face, so there is nothing to be shown",
-                place=str(path),
-                action="Name a run's output folder, or a file with animated blendshapes.",
-            )
-
-    def _line(
-        self, key: str, character: str, takes: Sequence[Performance], findings: Sequence[Finding]
-    ) -> ReviewedLine:
-        track, length_s, words = None, max(take.shapes.duration_s for take in takes), ""
-        if takes[0].take is not None:
-            with suppress(InputError):
-                length_s = takes[0].take.speech.duration_s
-                track = takes[0].take.track
-                words = " ".join(word.text for word in track.words)
-        scores = [] if track is None else _scores((p.symbol, p.score) for p in track.phones)
-        status = status_of(finding for finding in findings if not finding.ours)
-        return ReviewedLine(
-            key, character, takes[0].language, status, length_s, tuple(findings),
-            min(scores, default=None), words,
-        )  # fmt: skip
-
-    def details(self, lines: Sequence[ReviewedLine]) -> Iterator[Detail]:
-        """See `animeme.reviewing.Reviewable`."""
-        yield from map(self._detail, lines)
-
-    def _detail(self, line: ReviewedLine) -> Detail:
-        takes = self._takes[line.key, line.character]
-        performed = tuple(
-            Performed(
-                take.path.relative_to(self._root).as_posix(),
-                take.path,
-                take.name,
-                take.path,
-                _moving(take.shapes, take.rest),
-                take.audio_start_s,
-            )
-            for take in takes
-        )
-        take = takes[0].take
-        if take is None:
-            why = "No recording is known for it: name their folder with --dialogue."
-            return Detail("", None, None, performed, (why,))
-        remarks, text, track = [], "", None
-        with suppress(InputError):
-            text = transcript_of(take.line)
-        try:
-            track = take.track
-        except InputError as error:
-            remarks.append(f"Its words cannot be shown: {error.problem}.")
-        audio = take.line.audio if take.line.audio.is_file() else None
-        return Detail(text or line.words, audio, track, performed, tuple(remarks))
 
 
 def _job_of(folder: Path) -> tuple[Job | None, str]:
@@ -326,7 +224,7 @@ def _performed_in(path: Path, file: str, names: set[str]) -> Mapping[str, Perfor
     rest = character.rest_weights()
     if not isinstance(form, StoredReader):
         return {
-            name: Performed(file, path, name, path, _moving(curves, rest))
+            name: Performed(file, path, name, path, moving(curves, rest))
             for name, curves in form.read_animations(path).items()
         }
     tracks: dict[str, list[StoredTrack]] = {}
@@ -337,18 +235,9 @@ def _performed_in(path: Path, file: str, names: set[str]) -> Mapping[str, Perfor
     found = {}
     for name, own in tracks.items():
         lead_s = float(own[0].note.get("audio_start_s", 0.0))
-        shapes = _moving(seen(own, rest), rest)
+        shapes = moving(seen(own, rest), rest)
         found[name] = Performed(file, path, own[0].animation, path, shapes, lead_s)
     return found
-
-
-def _moving(curves: CurveSet, rest: Mapping[str, float]) -> CurveSet:
-    """Without the curves that stay at rest; of none, the first is kept."""
-    at_rest = np.array([rest.get(name, 0.0) for name in curves.names])
-    moves = (np.abs(curves.weights - at_rest) > 0).any(axis=0)
-    moves[0] |= not moves.any()
-    names = tuple(name for name, moving in zip(curves.names, moves, strict=True) if moving)
-    return CurveSet(curves.times_s, names, curves.weights[:, moves])
 
 
 def _id_of(line: ReviewedLine) -> str:
@@ -365,14 +254,10 @@ def _heard_in(path: Path) -> tuple[float | None, str]:
     """Score of the worst phone of an alignment, and its words; read raw, for there are many."""
     try:
         data = json.loads(path.read_bytes())
-        scores = _scores((phone["symbol"], phone.get("score")) for phone in data["phones"])
+        scores = scores_of((phone["symbol"], phone.get("score")) for phone in data["phones"])
         return min(scores, default=None), " ".join(word["text"] for word in data["words"])
     except (OSError, ValueError, KeyError, TypeError):
         return None, ""
-
-
-def _scores(phones: Iterable[tuple[str, float | None]]) -> list[float]:
-    return [score for symbol, score in phones if symbol != SILENCE and score is not None]
 
 
 def _track_in(path: Path) -> PhoneTrack | None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import translate
 from pathlib import Path
 from typing import Protocol
+
+import numpy as np
 
 from animeme import registry
 from animeme.curves import CurveSet
@@ -15,7 +17,9 @@ from animeme.delivery import Complaint
 from animeme.dialogue import composed
 from animeme.errors import InputError
 from animeme.findings import Finding, LineStatus, Severity
-from animeme.phones import PhoneTrack
+from animeme.phones import SILENCE, PhoneTrack
+
+DEFAULT_FRAME_HZ = 30.0
 
 _RANK: dict[LineStatus, int] = {"failed": 0, "review": 1, "ok": 2}
 # How findings say when: "at 1.20 s", "1.20–1.45 s", "from 1.20 to 1.45 s"; not "lasts 1.20 s".
@@ -282,6 +286,20 @@ def _badness(line: ReviewedLine) -> tuple[int, int, bool, float, str, str]:
     warnings = sum(finding.severity >= Severity.WARNING for finding in line.findings)
     score = 0.0 if line.score is None else line.score
     return (_RANK[line.status], -warnings, line.score is None, score, line.key, line.character)
+
+
+def moving(curves: CurveSet, rest: Mapping[str, float]) -> CurveSet:
+    """Without the curves that stay at rest; of none, the first is kept."""
+    at_rest = np.array([rest.get(name, 0.0) for name in curves.names])
+    moves = (np.abs(curves.weights - at_rest) > 0).any(axis=0)
+    moves[0] |= not moves.any()
+    names = tuple(name for name, moving in zip(curves.names, moves, strict=True) if moving)
+    return CurveSet(curves.times_s, names, curves.weights[:, moves])
+
+
+def scores_of(phones: Iterable[tuple[str, float | None]]) -> list[float]:
+    """Scores of phones, pauses left out."""
+    return [score for symbol, score in phones if symbol != SILENCE and score is not None]
 
 
 def when_of(finding: Finding) -> tuple[float, float] | None:

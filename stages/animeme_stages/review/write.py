@@ -35,8 +35,8 @@ INDEX = "index.html"
 MANIFEST = "review.json"
 _SCHEMA = "animeme.review-files/1"
 NO_BUNDLE = (
-    "The 3D view is not part of this installation: it is built with the package where Node is at "
-    "hand. `pip install animeme` brings it; in a checkout, install Node and run `make demo` again."
+    "The 3D view is not part of this installation. A wheel has it; a checkout gets it with "
+    "`pip install --editable .`, which fetches Node and three.js, so it needs the network."
 )
 _UNSAFE = re.compile(r"[^\w.\- ]+")
 

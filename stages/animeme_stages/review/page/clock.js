@@ -20,9 +20,14 @@ class Clock {
     this._sought = true;
     /** @type {(() => void)[]} */
     this.watchers = [];
+    this.silent = "";
     if (audio) {
       audio.preservesPitch = true;
-      audio.addEventListener("error", () => (this.audio = null));
+      audio.addEventListener("error", () => {
+        this.audio = null;
+        this.silent = "This browser cannot play the recording: the clock runs without it.";
+        this._tell();
+      });
     }
   }
 

@@ -129,6 +129,12 @@ class Herald {
   say(text) {
     this.element.textContent = text;
   }
+
+  /** Tell everybody. @param {string} text */
+  show(text) {
+    this.element.className = "remark";
+    this.say(text);
+  }
 }
 
 /**
