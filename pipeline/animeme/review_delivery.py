@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from animeme.check_profiles import read_profile
 from animeme.deliveries import read_deliveries
 from animeme.delivery import Performance
 from animeme.dialogue import transcript_of
@@ -19,7 +20,7 @@ from animeme.reviewing import (
     moving,
     scores_of,
 )
-from animeme.validation import validate
+from animeme.validation import delivery_checks, judge
 
 
 class DeliveryReview:
@@ -45,14 +46,12 @@ class DeliveryReview:
         profile: str,
     ) -> None:
         self.title = path.stem if path.is_file() else path.resolve().name
-        subjects, _ = read_deliveries(
-            [path], against=None, dialogue=dialogue, names={}, rig=rig, language=language,
-            aligner=aligner, lexicon=lexicon,
+        chosen = read_profile(profile, delivery_checks())
+        subjects, unread = read_deliveries(
+            [path], against=None, dialogue=dialogue, names=chosen.lines, rig=rig,
+            language=language, aligner=aligner, lexicon=lexicon,
         )  # fmt: skip
-        judged = validate(
-            [path], dialogue=dialogue, profile=profile, rig=rig, language=language,
-            aligner=aligner, lexicon=lexicon,
-        )  # fmt: skip
+        judged = judge(subjects, unread, chosen)
         self._root = path if path.is_dir() else path.parent
         self._takes: dict[tuple[str, str], list[Performance]] = {}
         for delivery in subjects.files:
