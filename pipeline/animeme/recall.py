@@ -369,16 +369,23 @@ class Recall(Keyring):
 
     def _causes(self, item: LineItem) -> dict[str, str]:
         """Cause → short digest of what a line's results depend on."""
-        settings = "\n".join(part.get("curve settings", "") for part in self._common.values())
-        targets = [target_parts(self.targets[index]) for index in item.targets]
         causes = {
-            "curve settings": settings,
+            "curve settings": self._settings,
             **self._line(item.line, item.targets)[2],
             "model": canonical([self._models[index] for index in item.targets]),
-            "rig": canonical(targets),
+            "rig": canonical([self._rigs[index] for index in item.targets]),
             "code": canonical(self._all_codes),
         }
         return {cause: sha256(text.encode()).hexdigest()[:8] for cause, text in causes.items()}
+
+    @cached_property
+    def _rigs(self) -> list[str]:
+        """What each target's curves depend on; as text it takes longer than many a line."""
+        return [key_of("rig", target_parts(target)) for target in self.targets]
+
+    @cached_property
+    def _settings(self) -> str:
+        return "\n".join(part.get("curve settings", "") for part in self._common.values())
 
     @cached_property
     def _all_codes(self) -> list[str]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import Distribution, EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
@@ -74,8 +74,7 @@ def plugins(group: str) -> dict[str, Plugin]:
     """
     found: dict[str, Plugin] = {}
     for entry in _installed()[group]:
-        distribution = entry.dist.name if entry.dist else ""
-        version = entry.dist.version if entry.dist else ""
+        distribution, version = _brought_by(entry.dist) if entry.dist else ("", "")
         other = found.get(entry.name)
         if other and other.entry_point.value != entry.value:
             raise PluginError(
@@ -87,6 +86,13 @@ def plugins(group: str) -> dict[str, Plugin]:
             )
         found[entry.name] = Plugin(group, entry.name, distribution, version, entry)
     return dict(sorted(found.items()))
+
+
+@cache
+def _brought_by(distribution: Distribution) -> tuple[str, str]:
+    """Name and version of a distribution: its metadata is parsed whenever it is asked for."""
+    metadata = distribution.metadata
+    return metadata["Name"], metadata["Version"]
 
 
 def find(group: str, name: str) -> Plugin:

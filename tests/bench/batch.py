@@ -6,6 +6,12 @@ and curves come from a trivial aligner and a trivial model (equal parts for the 
 one curve), as a studio's plug-ins: these figures say nothing about alignment or models.
 
     python tests/bench/batch.py --lines 10000 --workers 2
+    python tests/bench/batch.py simulated --lines 10000     # or a million: no stage does anything
+    python tests/bench/batch.py pipeline                    # 700 lines and a real head
+
+``simulated`` puts small files where lines' alignments and assets would be, in this process and
+without workers: what is left is planning, keys, the index, the ledger and the reports. Its
+recordings are a few bytes that nobody decodes.
 """
 
 from __future__ import annotations
@@ -19,13 +25,32 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import soundfile
 
+from animeme.executors import Result
+from animeme.files import write_bytes
+from animeme.job import read_job
+from animeme.preflight import prepare
+from animeme.runner import planned, run_job
+from animeme.store.memory import memory
+from animeme.tasks import (
+    AssetItem,
+    AssetOutcome,
+    LineItem,
+    LineOutcome,
+    context_of,
+    deliver,
+    delivered,
+)
+
 ROOT = Path(__file__).parents[2]
-GRID = ROOT.parent / "shared" / "data" / "grid-s1" / "lines"
+SHARED = ROOT.parent / "shared"
+GRID = SHARED / "data" / "grid-s1" / "lines"
+HEAD = SHARED / "assets" / "ict" / "ict_multimesh_speech.glb"
 PLUGINS = """
 import numpy as np
 
@@ -111,26 +136,140 @@ def run(job: Path, *options: str, env: dict[str, str]) -> dict[str, Any]:
     return {**events[-1], "wall_s": wall_s, "cpu_s": cpu_s}  # start-up included
 
 
+class Simulated:
+    """An executor whose stages take no time: it says that all is done, and puts files there."""
+
+    cpu_s = 0.0
+
+    def run(
+        self, function: str, items: Iterable[Any], *, timeout_s: float, retries: int
+    ) -> Iterator[Result]:
+        name = function.rpartition(":")[2]
+        for index, item in enumerate(items):
+            value = {"make_line": self._line, "write_asset": self._asset}.get(name, id)(item)
+            yield Result(index, "ok", value, "", 1, 0.0, 0.0)
+
+    def _line(self, item: LineItem) -> LineOutcome:
+        context = context_of(item.spool)
+        assert context.output is not None
+        files = deliver(context.output, item.line, b"{}\n", b"")
+        key = item.keys.align
+        curves = tuple((target, key, key) for target in item.targets)
+        return LineOutcome(1.0, (), alignment=key, curves=curves, final=True, delivered=files)
+
+    def _asset(self, item: AssetItem) -> AssetOutcome:
+        write_bytes(item.output, b"glTF", durable=False)
+        files = delivered([item.output])
+        return AssetOutcome((item.output,), (), delivered=files, final=True)
+
+
+def simulated(count: int, layout: str) -> None:
+    """Plan, memory and index of a job whose stages do nothing; then re-runs by the command."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        job = job_in(folder, layout, aligner="pocketsphinx", model="dam")
+        for number in range(count):
+            stem = folder / "job" / "dialogue" / ("en", "de")[number % 2] / f"{number:07d}"
+            stem.parent.mkdir(parents=True, exist_ok=True)
+            stem.with_suffix(".wav").write_text(f"recording {number}")
+            stem.with_suffix(".txt").write_text(f"line {number}")
+        os.environ["ANIMEME_CACHE"] = str(folder / "cache")
+        time.sleep(1)
+        usage_s = time.process_time()
+        with memory(folder / "cache" / "store") as remembered:
+            prepare(read_job(job), remembered)
+            print(f"looking at the job: {time.process_time() - usage_s:.2f} CPU-s")
+            usage_s = time.process_time()
+            plan, _ = planned(read_job(job), remembered)
+            planning_s = time.process_time() - usage_s
+            print(f"planning: {planning_s:.2f} CPU-s, peak memory {peak_mb():.0f} MB", flush=True)
+            del plan
+            usage_s = time.process_time()
+            report = run_job(read_job(job), Simulated(), remembered)
+        engine_s = time.process_time() - usage_s
+        print(f"first run: {1000 * engine_s / count:.3f} ms of CPU per line without its stages, ")
+        print(f"  {report.count('ok')} of {count} ok, peak memory {peak_mb():.0f} MB")
+        index = size(folder / "cache" / "index")
+        print(f"  index: {index / count / 1000:.2f} kB per line", flush=True)
+        for what in ("nothing changed",) * 3:
+            say(what, run(job, env=dict(os.environ)), count)
+
+
+def peak_mb() -> float:
+    """Most memory that this process has had, in MB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def pipeline(workers: Sequence[int]) -> None:
+    """700 lines with the ICT head, against a loop that only aligns them."""
+    own = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    loop = [sys.executable, str(Path(__file__).with_name("alignment.py")), "--loop"]
+    subprocess.run(loop, env={**os.environ, **own}, check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    loop_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    print(f"two-pass loop: {loop_s:.1f} CPU-s", flush=True)
+    for layout in ("per-line", "animation-only"):
+        for count in workers:
+            with tempfile.TemporaryDirectory() as name:
+                folder = Path(name)
+                job = folder / "job" / "job.toml"
+                (folder / "job" / "dialogue" / "en").mkdir(parents=True)
+                for path in [*GRID.glob("*.flac"), *GRID.glob("*.txt")]:
+                    shutil.copy(path, folder / "job" / "dialogue" / "en")
+                job.write_text(
+                    '[job]\nname = "bench"\n[dialogue]\nroot = "dialogue"\n[characters.head]\n'
+                    f'asset = "{HEAD}"\nlayout = "{layout}"\n'
+                )
+                env = {**os.environ, "ANIMEME_CACHE": str(folder / "cache")}
+                done = run(job, "--workers", str(count), env=env)
+            print(
+                f"{layout}, {count} workers: {done['cpu_s']:.1f} CPU-s, {done['wall_s']:.1f} s "
+                f"wall, {done['cpu_s'] / loop_s:.2f} of the loop; steps {done['step_s']}",
+                flush=True,
+            )
+
+
 def main() -> None:
-    """Build, run, re-run, change a dozen lines, re-run; print the figures."""
+    """Print the figures that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "part", nargs="?", choices=["lines", "simulated", "pipeline"], default="lines"
+    )
     parser.add_argument("--lines", type=int, default=10_000)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--layout", choices=["per-character", "per-line"], default="per-line")
     chosen = parser.parse_args()
+    if chosen.part == "simulated":
+        simulated(chosen.lines, chosen.layout)
+    elif chosen.part == "pipeline":
+        pipeline((1, 2))
+    else:
+        lines(chosen)
+
+
+def job_in(folder: Path, layout: str, *, aligner: str, model: str) -> Path:
+    """A job with ada in a folder, its dialogue beside it."""
+    (folder / "job").mkdir(parents=True, exist_ok=True)
+    shutil.copy(ROOT / "sample_assets" / "ada.glb", folder / "job" / "ada.glb")
+    job = folder / "job" / "job.toml"
+    job.write_text(
+        f'[job]\nname = "bench"\n[dialogue]\nroot = "dialogue"\n[align]\naligner = "{aligner}"\n'
+        f'[model]\nname = "{model}"\n[characters.ada]\nasset = "ada.glb"\n'
+        f'layout = "{layout}"\n'
+    )
+    return job
+
+
+def lines(chosen: argparse.Namespace) -> None:
+    """Build, run, re-run, change a dozen lines, re-run; print the figures."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         env = {**os.environ, "ANIMEME_CACHE": str(folder / "cache")}
         paths = [str(site(folder / "site")), os.environ.get("PYTHONPATH", "")]
         env["PYTHONPATH"] = ":".join(filter(None, paths))
         dialogue(folder / "job" / "dialogue", chosen.lines)
-        shutil.copy(ROOT / "sample_assets" / "ada.glb", folder / "job" / "ada.glb")
-        job = folder / "job" / "job.toml"
-        job.write_text(
-            '[job]\nname = "bench"\n[dialogue]\nroot = "dialogue"\n[align]\naligner = "trivial"\n'
-            '[model]\nname = "flap"\n[characters.ada]\nasset = "ada.glb"\n'
-            f'layout = "{chosen.layout}"\n'
-        )
+        job = job_in(folder, chosen.layout, aligner="trivial", model="flap")
         options = ("--workers", str(chosen.workers))
         time.sleep(3)  # files that are quite new are read again
         first = run(job, *options, env=env)
