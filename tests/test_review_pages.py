@@ -177,6 +177,28 @@ def test_a_delivered_file_is_shown_with_its_findings(
     assert line["duration_s"] > 2.0
 
 
+def test_a_delivered_file_is_heard_where_its_dialogue_is_given(
+    sample_run: tuple[RunReport, Path], tmp_path: Path
+) -> None:
+    dialogue = tmp_path / "dialogue" / "en"
+    dialogue.mkdir(parents=True)
+    for suffix in (".wav", ".txt"):
+        shutil.copy(SAMPLE / "dialogue" / "en" / f"boat{suffix}", dialogue)
+    (dialogue / "moon.wav").write_bytes(b"no sound")
+    (dialogue / "moon.txt").write_text("Who knew")
+    file = sample_run[1] / "en" / "ada.glb"
+    animeme.review(file, tmp_path / "out", lines=["en/*"], dialogue=dialogue.parent)
+    lines = {
+        name: data_of(tmp_path / "out" / "lines" / "ada" / "en" / f"{name}.html")["line"]
+        for name in ("boat", "moon")
+    }
+    assert (tmp_path / "out" / lines["boat"]["audio"]).is_file()
+    assert [word[0] for word in lines["boat"]["words"]][:2] == ["mama", "bought"]
+    assert lines["moon"]["audio"] is None
+    assert any("cannot be heard" in remark for remark in lines["moon"]["remarks"])
+    assert len(lines["moon"]["takes"]) == 1
+
+
 LINES = tuple(
     ReviewedLine(key, "ada", key[:2], status, 1.0, findings, score)  # type: ignore[arg-type]
     for key, status, findings, score in [

@@ -36,7 +36,7 @@ async function glbOf(asset) {
 class Heads {
   /** @param {string} title - of what is seen, for screen readers */
   constructor(title) {
-    this.canvas = /** @type {HTMLCanvasElement} */ (el("canvas", { class: "head", role: "img", "aria-label": title, tabindex: 0 }));
+    this.canvas = /** @type {HTMLCanvasElement} */ (el("canvas", { class: "head", role: "img", "aria-label": title }));
     this._says = el("p", { class: "says" });
     this._names = el("div", { class: "names" });
     this._looks = LOOKS.map(([look, text]) => button(text, () => this._look(look), { pressed: look === "front", title: `Look from here: ${text}` }));
