@@ -269,6 +269,19 @@ def test_an_output_that_is_a_file_is_refused(
     assert (tmp_path / "out").read_text() == "mine"
 
 
+def test_a_page_of_somebody_else_is_not_overwritten(
+    sample_run: tuple[RunReport, Path], tmp_path: Path
+) -> None:
+    (tmp_path / "index.html").write_text("mine")
+    with pytest.raises(InputError, match="no review's"):
+        animeme.review(sample_run[1], tmp_path, lines=["en/boat"])
+    assert [path.name for path in tmp_path.iterdir()] == ["index.html"]
+    assert (tmp_path / "index.html").read_text() == "mine"
+    (tmp_path / "index.html").unlink()
+    for _ in range(2):
+        animeme.review(sample_run[1], tmp_path, lines=["en/boat"])
+
+
 def test_without_the_bundle_the_page_says_how_to_have_it(
     sample_run: tuple[RunReport, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -80,6 +80,13 @@ class _Writer:
         if head is None:
             self._remarks[NO_BUNDLE] = None
         earlier = self._earlier()
+        if INDEX not in earlier and (self._output / INDEX).exists():
+            raise InputError(
+                "output-taken",
+                "is there already, and no review's",
+                place=str(self._output / INDEX),
+                action="Choose another output folder.",
+            )
         lines: dict[str, Any] = {}
         for done, (line, data) in enumerate(self._lines(), 1):
             name = self._names[line.key, line.character]
