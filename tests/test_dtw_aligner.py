@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import tomllib
 from collections.abc import Iterator
 from importlib.metadata import distributions
 from pathlib import Path
@@ -16,8 +15,8 @@ import pytest
 from animeme import registry, testing
 from animeme.contracts import Aligner, Anchor, Speech
 from support.jobs import CONSOLE, PATIENCE_S, small_job
+from support.plugins import install
 
-PLUGIN = Path(__file__).parent / "plugins" / "dtw_aligner"
 SAMPLE = Path(__file__).parents[1] / "sample_assets"
 # The sample's lines were spoken by espeak-ng; warped onto themselves they are almost exact.
 CLOSE_S = 0.04
@@ -27,21 +26,7 @@ CLOSE_S = 0.04
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The plug-in as pip would have installed it."""
     pytest.importorskip("espeakng_loader")
-    folder = tmp_path_factory.mktemp("site")
-    project = tomllib.loads((PLUGIN / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    info = folder / "animeme_dtw_aligner-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(
-        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
-    )
-    (info / "RECORD").touch()
-    groups = [
-        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in entries.items())
-        for group, entries in project["entry-points"].items()
-    ]
-    (info / "entry_points.txt").write_text("\n".join(groups))
-    (folder / "dtw_aligner.py").symlink_to(PLUGIN / "dtw_aligner.py")
-    return folder
+    return install("dtw_aligner", tmp_path_factory.mktemp("site"))
 
 
 @pytest.fixture

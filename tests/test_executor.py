@@ -6,7 +6,7 @@ import os
 import random
 import select
 import signal
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import pytest
 from animeme.executors import Executor, Result
 from animeme.executors.inline import InlineExecutor
 from animeme.executors.local import LocalExecutor
+from support.clusters import cluster_here
 from support.jobs import PATIENCE_S
 from support.patience import patience
 
@@ -45,14 +46,38 @@ def results(
     return sorted(found, key=lambda result: result.index)
 
 
-EXECUTORS = [
-    pytest.param(InlineExecutor(), id="inline"),
-    pytest.param(LocalExecutor(1), id="one"),
-    pytest.param(LocalExecutor(3), id="three"),
-]
+@pytest.fixture(scope="module")
+def dask() -> Iterator[Executor]:
+    pytest.importorskip("distributed")
+    from animeme.executors.dask import DaskExecutor
+
+    with cluster_here() as address, DaskExecutor(address) as executor:
+        yield executor
 
 
-@pytest.mark.parametrize("executor", EXECUTORS)
+@pytest.fixture(params=["inline", "one", "three", "dask"])
+def executor(request: pytest.FixtureRequest) -> Executor:
+    """Each executor; all keep one contract."""
+    if request.param == "dask":
+        found: Executor = request.getfixturevalue("dask")
+        return found
+    made: dict[str, Executor] = {
+        "inline": InlineExecutor(),
+        "one": LocalExecutor(1),
+        "three": LocalExecutor(3),
+    }
+    return made[request.param]
+
+
+@pytest.fixture(params=["local", "dask"])
+def supervised(request: pytest.FixtureRequest) -> Executor:
+    """Each executor that outlives its tasks."""
+    found: Executor = (
+        request.getfixturevalue("dask") if request.param == "dask" else LocalExecutor(2)
+    )
+    return found
+
+
 def test_every_item_gives_its_value(executor: Executor) -> None:
     found = results("double", range(20), executor=executor)
     assert [result.value for result in found] == [2 * number for number in range(20)]
@@ -60,12 +85,10 @@ def test_every_item_gives_its_value(executor: Executor) -> None:
     assert all(result.wall_s >= 0 and result.cpu_s >= 0 for result in found)
 
 
-@pytest.mark.parametrize("executor", EXECUTORS)
 def test_no_items_give_no_results(executor: Executor) -> None:
     assert results("double", [], executor=executor) == []
 
 
-@pytest.mark.parametrize("executor", EXECUTORS)
 def test_what_a_task_raises_becomes_its_result(executor: Executor) -> None:
     bad, good = results("refuse", ["bad", "good"], executor=executor)
     assert (bad.outcome, bad.value, bad.attempt) == ("error", None, 1)
@@ -74,7 +97,6 @@ def test_what_a_task_raises_becomes_its_result(executor: Executor) -> None:
     assert (good.outcome, good.value) == ("ok", "good")
 
 
-@pytest.mark.parametrize("executor", EXECUTORS)
 def test_a_function_that_is_not_there_is_an_error_of_every_item(executor: Executor) -> None:
     found = results("no_such_function", [1, 2], executor=executor)
     assert [result.outcome for result in found] == ["error", "error"]
@@ -87,28 +109,31 @@ def test_one_worker_gives_results_in_order() -> None:
         assert [result.index for result in run] == list(range(9))
 
 
-def test_a_worker_does_many_tasks() -> None:
-    found = results("process_id", range(20))
+def test_a_worker_does_many_tasks(supervised: Executor) -> None:
+    found = results("process_id", range(20), executor=supervised)
     assert 1 <= len({result.value for result in found}) <= 2
     assert os.getpid() not in {result.value for result in found}
 
 
-def test_a_hanging_task_is_given_up_after_its_retries() -> None:
-    (hung,) = results("hang", ["long"], timeout_s=0.5)
+def test_a_hanging_task_is_given_up_after_its_retries(supervised: Executor) -> None:
+    (hung,) = results("hang", ["long"], executor=supervised, timeout_s=0.5)
     assert (hung.outcome, hung.value, hung.attempt) == ("timeout", None, 2)
     assert "0.5 s" in hung.error
 
 
-def test_a_hanging_task_costs_only_itself() -> None:
-    found = results("hang", ["good", "long", "good", "good"], timeout_s=3.0, retries=0)
+def test_a_hanging_task_costs_only_itself(supervised: Executor) -> None:
+    items = ["good", "long", "good", "good"]
+    found = results("hang", items, executor=supervised, timeout_s=3.0, retries=0)
     assert [result.outcome for result in found] == ["ok", "timeout", "ok", "ok"]
 
 
 @pytest.mark.parametrize(
     ("how", "code"), [("exit", "7"), ("kill", str(-signal.SIGKILL)), ("quit", "4")]
 )
-def test_a_task_that_ends_its_process_is_tried_again_and_then_given_up(how: str, code: str) -> None:
-    found = results("die", ["good", how, "good", "good"])
+def test_a_task_that_ends_its_process_is_tried_again_and_then_given_up(
+    how: str, code: str, supervised: Executor
+) -> None:
+    found = results("die", ["good", how, "good", "good"], executor=supervised)
     assert [result.outcome for result in found] == ["ok", "crash", "ok", "ok"]
     assert found[1].attempt == 2
     assert found[1].error.endswith(f"exit code {code}")
@@ -144,9 +169,9 @@ def test_a_worker_that_is_killed_between_two_tasks_costs_nothing(workers: int) -
 
 @pytest.mark.parametrize("item", ["unpicklable", "unloadable"])
 def test_a_value_that_cannot_travel_is_an_error_of_its_item(
-    item: str, capfd: pytest.CaptureFixture[str]
+    item: str, supervised: Executor, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    found = results("odd_value", ["good", item, "good"])
+    found = results("odd_value", ["good", item, "good"], executor=supervised)
     assert [result.outcome for result in found] == ["ok", "error", "ok"]
     assert "Traceback" not in capfd.readouterr().err
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import gc
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,9 +15,9 @@ from animeme.aligning import AlignReport, align_lines, lines_below
 from animeme.contracts import Alignment, Model, Spoken
 from animeme.dialogue import Line
 from animeme.errors import InputError
-from animeme.executors import Executor
-from animeme.executors.inline import InlineExecutor
-from animeme.executors.local import LocalExecutor, default_workers
+from animeme.executors import Executor, choice
+from animeme.executors.crew import code_of
+from animeme.files import scratch_beside
 from animeme.findings import RunReport, Severity
 from animeme.job import Job, read_job
 from animeme.preflight import dialogue_of
@@ -36,8 +38,9 @@ def run(
     job: str | Path,
     *,
     output: str | Path | None = None,
-    executor: Literal["inline", "local"] = "inline",
+    executor: choice.Kind = "inline",
     workers: int | None = None,
+    scheduler: str | None = None,
     fail_on: str = "error",
     speak: bool = False,
     cache: str | Path | Literal[False] | None = None,
@@ -51,9 +54,10 @@ def run(
     Args:
         job: the TOML file.
         output: output folder in place of the job's.
-        executor: "inline" in this process, "local" in supervised processes of its own (the calling
-            script then needs an ``if __name__ == "__main__":`` guard).
+        executor: "inline" in this process, "local" in supervised processes of its own, "dask" on a
+            Dask cluster (the calling script then needs an ``if __name__ == "__main__":`` guard).
         workers: how many processes, all processors if None.
+        scheduler: address of the cluster's scheduler; None starts a cluster of this machine's own.
         fail_on: severity at which `RunReport.exit_code` turns 1.
         speak: speak transcripts that have no recording, as the job's ``[dialogue] speak`` does.
         cache: folder of results that runs share, in place of the job's or the user's; False keeps
@@ -81,12 +85,14 @@ def run(
         >>> report.exit_code, report.count("ok", character="ada", language="en")
         (0, 6)
     """
-    _require_executor(executor, workers)
+    choice.require(executor, workers, scheduler)
     folder = Path(output) if output is not None else None
     severity = Severity.parse(fail_on)
     part = Shard.parse(shard) if shard is not None else None
     if part is not None and cache is False:
         raise ValueError("a shard leaves what it does in a store, so it needs one")
+    if part is not None and executor == "dask":
+        raise ValueError("a shard is for farms without Dask, which shares out all lines itself")
     form = read_job(Path(job), output=folder, check=False)
     if speak:
         form = replace(form, speak=True)
@@ -97,11 +103,49 @@ def run(
             form, chosen, remembered, fail_on=severity, listener=listener, selection=selection
         )
 
-    with memory(store_of(form, cache), rehash=rehash) as remembered:
-        if executor == "inline":
-            return work(InlineExecutor(), remembered)
-        with LocalExecutor(workers or default_workers()) as pool:
-            return work(pool, remembered)
+    with (
+        _uncollected(executor),
+        memory(store_of(form, cache), rehash=rehash) as remembered,
+        choice.opened(
+            executor,
+            workers,
+            scheduler,
+            sees=_inputs(form),
+            marks=_marks(form, remembered) if executor == "dask" else (),
+            code=lambda: code_of(remembered.code),
+        ) as chosen,
+    ):
+        return work(chosen, remembered)
+
+
+@contextmanager
+def _uncollected(executor: choice.Kind) -> Iterator[None]:
+    """No search for cycles meanwhile: the engine makes none, and it takes half of a re-run's time.
+
+    What stages of plug-ins make, is in other processes; with the inline executor all stays as it is.
+    """
+    was = gc.isenabled() and executor != "inline"
+    if was:
+        gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
+
+
+def _marks(job: Job, remembered: Memory) -> list[Path]:
+    """Files to put where every machine must see them."""
+    kept = remembered.store.scratch()
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    return [scratch_beside(job.output / "mark"), kept]
+
+
+def _inputs(job: Job) -> list[Path]:
+    """Where a job's inputs are, as far as there is anything."""
+    places = [job.source, *job.dialogue.files, *(a for c in job.characters for a in c.assets)]
+    places += [path for path in (job.dialogue.root, job.lexicon, job.voices) if path is not None]
+    return [path for path in places if path.exists()]
 
 
 def rehearse(
@@ -131,13 +175,6 @@ def store_of(job: Job, cache: str | Path | Literal[False] | None = None) -> Path
     if cache is False:
         return None
     return Path(cache) if cache is not None else job.cache or default_store()
-
-
-def _require_executor(executor: str, workers: int | None) -> None:
-    if executor not in ("inline", "local"):
-        raise ValueError(f"executor must be 'inline' or 'local', not {executor!r}")
-    if workers is not None and workers < 1:
-        raise ValueError(f"workers must be at least 1, not {workers}")
 
 
 def align(
@@ -202,8 +239,9 @@ def align_folder(
     lexicon: str | Path | None = None,
     voices: str | Path | None = None,
     plot: str | Path | None = None,
-    executor: Literal["inline", "local"] = "inline",
+    executor: choice.Kind = "inline",
     workers: int | None = None,
+    scheduler: str | None = None,
     fail_on: str = "error",
     listener: Listener = lambda _: None,
 ) -> AlignReport:
@@ -220,7 +258,7 @@ def align_folder(
         lexicon: pronunciations that go before the aligner's own.
         voices: folder of learned voices, or one voice for all lines; see `learn_voices`.
         plot: folder for a picture per line that has timings; None draws nothing.
-        executor, workers, listener: as for `run`.
+        executor, workers, scheduler, listener: as for `run`.
         fail_on: severity at which `AlignReport.exit_code` turns 1.
 
     Returns:
@@ -237,7 +275,7 @@ def align_folder(
         >>> report.count("ok"), report.lines[0].id
         (18, 'de/boat')
     """
-    _require_executor(executor, workers)
+    choice.require(executor, workers, scheduler)
     severity = Severity.parse(fail_on)
 
     def work(chosen: Executor) -> AlignReport:
@@ -255,10 +293,10 @@ def align_folder(
             listener=listener,
         )
 
-    if executor == "inline":
-        return work(InlineExecutor())
-    with LocalExecutor(workers or default_workers()) as pool:
-        return work(pool)
+    places = [path for path in (Path(folder), _path(lexicon), _path(voices)) if path is not None]
+    marks = [] if output is None else [scratch_beside(Path(output) / "mark")]
+    with choice.opened(executor, workers, scheduler, sees=places, marks=marks) as chosen:
+        return work(chosen)
 
 
 def learn_voices(
@@ -268,8 +306,9 @@ def learn_voices(
     language: str | None = None,
     aligner: str | None = None,
     lexicon: str | Path | None = None,
-    executor: Literal["inline", "local"] = "inline",
+    executor: choice.Kind = "inline",
     workers: int | None = None,
+    scheduler: str | None = None,
     fail_on: str = "error",
     listener: Listener = lambda _: None,
 ) -> VoicesReport:
@@ -284,7 +323,7 @@ def learn_voices(
         language: BCP-47 tag of a whole folder.
         aligner: a registered aligner; None for the job's, or else "pocketsphinx".
         lexicon: pronunciations that go before the aligner's own; None for the job's.
-        executor, workers, listener: as for `run`.
+        executor, workers, scheduler, listener: as for `run`.
         fail_on: severity at which `VoicesReport.exit_code` turns 1.
 
     Returns:
@@ -302,15 +341,15 @@ def learn_voices(
         >>> [voice.language for voice in report.voices]
         ['de', 'en', 'es']
     """
-    _require_executor(executor, workers)
+    choice.require(executor, workers, scheduler)
     severity = Severity.parse(fail_on)
-    target, chosen, words = _path(output), aligner or "pocketsphinx", _path(lexicon)
+    target, learner, words = _path(output), aligner or "pocketsphinx", _path(lexicon)
     if Path(path).suffix.lower() == ".toml":
         job = read_job(Path(path))
         lines: Sequence[Line] = dialogue_of(job)[0]
-        target, words, chosen = target or job.voices, words or job.lexicon, aligner or job.aligner
+        target, words, learner = target or job.voices, words or job.lexicon, aligner or job.aligner
     else:
-        lines = tuple(lines_below(Path(path), language, chosen).values())
+        lines = tuple(lines_below(Path(path), language, learner).values())
     if target is None:
         raise InputError(
             "output-missing",
@@ -318,23 +357,18 @@ def learn_voices(
             place=str(path),
             action='Give --output, or say in the job\'s [align] section: voices = "voices".',
         )
-    folder = target
-
-    def work(executor: Executor) -> VoicesReport:
+    places = [Path(path), *([] if words is None else [words])]
+    marks = [scratch_beside(target / "mark")]
+    with choice.opened(executor, workers, scheduler, sees=places, marks=marks) as chosen:
         return learn(
             lines,
-            executor,
-            aligner=chosen,
+            chosen,
+            aligner=learner,
             lexicon=words,
-            output=folder,
+            output=target,
             fail_on=severity,
             listener=listener,
         )
-
-    if executor == "inline":
-        return work(InlineExecutor())
-    with LocalExecutor(workers or default_workers()) as pool:
-        return work(pool)
 
 
 def _path(given: str | Path | None) -> Path | None:

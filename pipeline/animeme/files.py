@@ -30,7 +30,7 @@ def atomic_path(target: Path, *, durable: bool = True) -> Iterator[Path]:
     Raises:
         InputError: the folder or the file cannot be written.
     """
-    scratch = target.with_name(f".{secrets.token_hex(4)}{target.suffix}")
+    scratch = scratch_beside(target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         yield scratch
@@ -43,6 +43,11 @@ def atomic_path(target: Path, *, durable: bool = True) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             scratch.unlink(missing_ok=True)
+
+
+def scratch_beside(target: Path) -> Path:
+    """A name for a temporary file beside `target`; runs remove what killed ones have left of it."""
+    return target.with_name(f".{secrets.token_hex(4)}{target.suffix}")
 
 
 def unwritable(target: Path, error: OSError) -> InputError:
@@ -104,7 +109,9 @@ def write_bytes(target: Path, data: bytes, *, durable: bool = True) -> None:
         scratch.write_bytes(data)
 
 
-def walk(folder: str, *, without: str = "") -> Iterator[tuple[str, str]]:
+def walk(
+    folder: str, *, without: str = "", hidden: list[str] | None = None
+) -> Iterator[tuple[str, str]]:
     """Folder and name of each file below a folder, in the order of their paths' parts.
 
     Nothing hidden, and nothing behind a link to a folder. There may be as many as lines, so these
@@ -113,6 +120,7 @@ def walk(folder: str, *, without: str = "") -> Iterator[tuple[str, str]]:
     Args:
         folder: where to look; it need not be there.
         without: a folder that is left out.
+        hidden: takes in the paths of what is hidden.
     """
     try:
         with os.scandir(folder) as found:
@@ -121,10 +129,12 @@ def walk(folder: str, *, without: str = "") -> Iterator[tuple[str, str]]:
         return
     for entry in entries:
         if entry.name.startswith("."):
+            if hidden is not None:
+                hidden.append(entry.path)
             continue
         if entry.is_dir(follow_symlinks=False):
             if not without or os.path.normpath(entry.path) != without:
-                yield from walk(entry.path, without=without)
+                yield from walk(entry.path, without=without, hidden=hidden)
         elif entry.is_file():
             yield folder, entry.name
 

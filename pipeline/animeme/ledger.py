@@ -299,6 +299,7 @@ def _effort(result: Result) -> dict[str, Any]:
         "wall_s": round(result.wall_s, 4),
         "cpu_s": round(result.cpu_s, 4),
     }
+    effort |= {"host": result.host} if result.host else {}
     return {**effort, "error": result.error} if result.error else effort
 
 

@@ -24,6 +24,7 @@ from animeme.gathering import gather
 from animeme.job import Job, check_job
 from animeme.plan import REPORT_NAMES, Plan
 from animeme.side_cars import with_side_cars
+from animeme.spool import sweep_hidden
 from animeme.store.keys import key_of
 from animeme.store.memory import Memory
 from animeme.tasks import Target
@@ -368,7 +369,9 @@ def _links(folder: str) -> frozenset[str]:
 def stale_outputs(plan: Plan, fresh: Collection[str]) -> Iterator[Finding]:
     """A warning for each file of an earlier run that this one would have written, but did not."""
     output = str(plan.job.output)
-    left = {path for path in map("/".join, walk(output)) if path not in fresh}
+    hidden: list[str] = []
+    left = {path for path in map("/".join, walk(output, hidden=hidden)) if path not in fresh}
+    sweep_hidden(plan.job.output, hidden)
     left -= {os.path.join(output, name) for name in REPORT_NAMES}
     for path in map(str, plan.possible_files() if left else ()):
         if path in left:

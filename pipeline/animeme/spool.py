@@ -8,7 +8,7 @@ import shutil
 import socket
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -56,6 +56,21 @@ def _sweep(output: Path) -> None:
                 if _SCRATCH.fullmatch(name):
                     with suppress(OSError):
                         os.unlink(os.path.join(folder, name))
+
+
+def sweep_hidden(output: Path, paths: Iterable[str]) -> None:
+    """Remove what workers that died in this run have left half-written.
+
+    Args:
+        output: the folder; nothing is removed if another run is at work there.
+        paths: hidden files below it.
+    """
+    if sum(path.is_dir() for path in output.glob(f"{_PREFIX}*")) > 1:
+        return
+    for path in paths:
+        if _SCRATCH.fullmatch(os.path.basename(path)):
+            with suppress(OSError):
+                os.unlink(path)
 
 
 def _is_dead(spool: Path) -> bool:

@@ -278,7 +278,10 @@ def make_line(item: LineItem) -> LineOutcome:
         return LineOutcome(0.0, steps.for_line(line.findings, line.key))
     stores = Store(context.store), private_store(item.spool)
     work = steps.Steps(*stores, lambda: _unchanged(item, context))
-    key, entry = work.align(keys.align, line, context)
+    try:
+        key, entry = work.align(keys.align, line, context)
+    except InputError as error:  # the store cannot be written
+        return LineOutcome(0.0, (Finding.from_error(error, line=line.key),))
     value, track = entry.value, steps.track_of(entry)
     tokens = steps.places(line, context)
     findings = list(steps.unpacked(value["findings"], tokens, line=line.key))

@@ -18,6 +18,7 @@ from animeme.cli.progress import progress
 from animeme.contracts import Alignment
 from animeme.dialogue import TEXT_SUFFIXES, kind_of, voice_path
 from animeme.errors import InputError
+from animeme.executors.choice import Kind
 from animeme.executors.inline import InlineExecutor
 from animeme.findings import LineStatus, Severity, exit_code_of
 from animeme.runner import cpu_s
@@ -57,7 +58,6 @@ STATUSES: tuple[LineStatus, ...] = ("ok", "review", "failed")
     metavar="FOLDER",
     help="Draw waveform, words, phones and findings of each line: FOLDER/<line>.png.",
 )
-@shared.workers
 @shared.executor
 @shared.fail_on
 @click.option(
@@ -77,7 +77,8 @@ def command(
     form: str,
     plot: Path | None,
     workers: int | None,
-    executor: str,
+    executor: Kind,
+    scheduler: str | None,
     fail_on: str,
     as_json: bool,
 ) -> int:
@@ -121,13 +122,15 @@ def command(
             lexicon=lexicon,
             voices=voices,
             plot=plot,
-            executor="inline" if executor == "inline" else "local",
+            executor=executor,
             workers=workers,
+            scheduler=scheduler,
             fail_on=fail_on,
             listener=listener,
         )
     # The command's whole cost, its start included; its workers have ended.
-    report = replace(report, cpu_s=cpu_s(InlineExecutor()))
+    if executor != "dask":
+        report = replace(report, cpu_s=cpu_s(InlineExecutor()))
     if as_json:
         click.echo(json.dumps(report.to_document(), ensure_ascii=False, indent=1))
     _summarize(report, plot, to_stderr=as_json)

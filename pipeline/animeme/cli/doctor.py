@@ -19,6 +19,7 @@ from animeme.errors import PluginError
 # What each extra adds, in the words of someone who lacks it.
 _EXTRAS = {
     "chinese": "Mandarin Chinese",
+    "dask": "runs on a cluster of machines",
     "espeak": "all but English, Chinese, Japanese; speech for lines without a recording",
     "japanese": "Japanese",
     "video": "the sound of MP4, M4A and QuickTime files, and films of lines",

@@ -8,6 +8,7 @@ import click
 
 from animeme.cli import options as shared
 from animeme.cli.running import Order, run_and_tell
+from animeme.executors.choice import Kind
 
 
 @click.command("merge", epilog="Example: animeme merge job.toml --cache /mnt/farm/animeme")
@@ -15,7 +16,6 @@ from animeme.cli.running import Order, run_and_tell
 @click.option(
     "--output", type=click.Path(path_type=Path), help="Output folder in place of the job's."
 )
-@shared.workers
 @shared.executor
 @shared.fail_on
 @click.option("--speak", is_flag=True, help="The shards were run with --speak.")
@@ -26,7 +26,8 @@ def command(
     job: Path,
     output: Path | None,
     workers: int | None,
-    executor: str,
+    executor: Kind,
+    scheduler: str | None,
     fail_on: str,
     speak: bool,
     cache: Path | None,
@@ -43,7 +44,9 @@ def command(
     a single run.
     """
     selection = shared.selected(languages, characters, patterns, changed)
-    order = Order(job, output, workers, executor, fail_on, speak, cache, selection, as_json)
+    order = Order(
+        job, output, workers, executor, scheduler, fail_on, speak, cache, selection, as_json
+    )
     report, code = run_and_tell(order)
     if report is not None and (missing := report.effort.lines - report.effort.known_lines):
         click.echo(f"{missing} lines were in no shard's results, and were done now.", err=True)

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from animeme.executors.choice import KINDS
 from animeme.selection import Selection, read_changed
 
 fail_on = click.option(
@@ -20,12 +21,46 @@ fail_on = click.option(
 workers = click.option(
     "--workers", type=click.IntRange(1), help="Processes; all processors by default."
 )
-executor = click.option(
-    "--executor",
-    type=click.Choice(["local", "inline"]),
-    default="local",
-    show_default=True,
-    help="local: supervised processes; inline: in this one, for debugging.",
+
+
+def _scheduler(context: click.Context, _: click.Parameter, value: str | None) -> str | None:
+    """The address, which goes with some of the options before it and not with others."""
+    given = context.params
+    if value is not None and given["executor"] != "dask":
+        raise click.UsageError("--scheduler goes with --executor dask.")
+    if value is not None and given["workers"] is not None:
+        raise click.UsageError("A --scheduler has workers of its own: leave out --workers.")
+    return value
+
+
+def executor(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say who does the work: --workers, --executor, --scheduler."""
+    for option in reversed(_EXECUTOR):
+        command = option(command)
+    return command
+
+
+_EXECUTOR = (
+    click.option(
+        "--workers",
+        type=click.IntRange(1),
+        is_eager=True,
+        help="Processes; all processors by default.",
+    ),
+    click.option(
+        "--executor",
+        type=click.Choice(KINDS),
+        default="local",
+        show_default=True,
+        is_eager=True,
+        help="local: supervised processes; inline: in this one, for debugging; dask: on a cluster.",
+    ),
+    click.option(
+        "--scheduler",
+        metavar="ADDRESS",
+        callback=_scheduler,
+        help="Of the Dask cluster, tcp://HOST:8786; without it, one of this machine is started.",
+    ),
 )
 aligner = click.option(
     "--aligner", default="pocketsphinx", show_default=True, help="A registered aligner."

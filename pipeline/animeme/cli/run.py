@@ -10,6 +10,7 @@ import click
 from animeme import api
 from animeme.cli import options as shared
 from animeme.cli.running import MOST_SHOWN, Order, run_and_tell
+from animeme.executors.choice import Kind
 from animeme.rehearsal import Rehearsal
 from animeme.runner import Shard
 
@@ -28,7 +29,6 @@ def _shard(_: click.Context, __: click.Parameter, value: str | None) -> str | No
 @click.option(
     "--output", type=click.Path(path_type=Path), help="Output folder in place of the job's."
 )
-@shared.workers
 @shared.executor
 @shared.fail_on
 @click.option(
@@ -50,7 +50,8 @@ def command(
     job: Path,
     output: Path | None,
     workers: int | None,
-    executor: str,
+    executor: Kind,
+    scheduler: str | None,
     fail_on: str,
     speak: bool,
     cache: Path | None,
@@ -78,11 +79,14 @@ def command(
         raise click.UsageError(
             "--no-cache keeps nothing, so it goes with neither --cache nor --shard."
         )
+    if shard is not None and executor == "dask":
+        raise click.UsageError("--shard is for farms without Dask, which shares out all lines.")
     order = Order(
         job,
         output,
         workers,
         executor,
+        scheduler,
         fail_on,
         speak,
         False if no_cache else cache,

@@ -13,7 +13,7 @@ import click
 
 from animeme import api
 from animeme.cli.progress import Teller, progress
-from animeme.executors.local import default_workers
+from animeme.executors.choice import Kind, place
 from animeme.findings import RunReport, Severity
 from animeme.job import read_job
 from animeme.selection import Selection
@@ -32,7 +32,8 @@ class Order:
     job: Path
     output: Path | None
     workers: int | None
-    executor: str
+    executor: Kind
+    scheduler: str | None
     fail_on: str
     speak: bool
     cache: Path | Literal[False] | None
@@ -59,8 +60,9 @@ def run_and_tell(order: Order) -> tuple[RunReport | None, int]:
             report = api.run(
                 order.job,
                 output=folder,
-                executor="inline" if order.executor == "inline" else "local",
+                executor=order.executor,
                 workers=order.workers,
+                scheduler=order.scheduler,
                 fail_on=order.fail_on,
                 speak=order.speak,
                 cache=order.cache,
@@ -78,8 +80,7 @@ def run_and_tell(order: Order) -> tuple[RunReport | None, int]:
     if stopped:
         click.echo(_stopped(teller, kept=order.cache is not False), err=True)
         return None, stopped
-    processes = 1 if order.executor == "inline" else order.workers or default_workers()
-    effort = effort_of(report, processes)
+    effort = effort_of(report, place(order.executor, order.workers, order.scheduler))
     if order.shard is not None:
         _tell_shard(report, order.shard, effort, order.as_json)
     else:
@@ -101,18 +102,21 @@ def _stopped(teller: Teller, *, kept: bool) -> str:
 
 
 def _tell(report: RunReport, folder: Path, effort: str, as_json: bool) -> None:
-    summary = (folder / "summary.md").read_text(encoding="utf-8")
+    try:
+        summary = (folder / "summary.md").read_text(encoding="utf-8")
+    except FileNotFoundError:  # there was no room even for that
+        summary = "\n".join(map(str, report.findings[:MOST_SHOWN]))
     _show(summary)
     click.echo(f"{effort} Everything is in {folder}.", err=True)
     if step_summary := os.environ.get("GITHUB_STEP_SUMMARY"):
         _add_to_step(Path(step_summary), f"{summary}\n{effort}\n")
-    if as_json:
+    if as_json and (folder / "report.json").is_file():
         document = json.loads((folder / "report.json").read_text(encoding="utf-8"))
         document = {**document, **_figures(report), "output": str(folder)}
         click.echo(json.dumps(document, ensure_ascii=False, indent=1))
 
 
-def effort_of(report: RunReport, processes: int) -> str:
+def effort_of(report: RunReport, where: str) -> str:
     """What a run took, in a few sentences."""
     effort = report.effort
     factor = f", {report.real_time_factor:.1f} times real time" if report.wall_s else ""
@@ -124,7 +128,7 @@ def effort_of(report: RunReport, processes: int) -> str:
         f"{step} {seconds:.1f} s{_hits(report, step)}" for step, seconds in effort.step_s.items()
     )
     return (
-        f"{len(report.lines)} lines in {report.wall_s:.1f} s on {processes} processors, "
+        f"{len(report.lines)} lines in {report.wall_s:.1f} s on {where}, "
         f"{report.cpu_s:.1f} CPU-seconds for {report.audio_s:.1f} s of audio{factor}. {known}"
         f"{f' CPU time by step: {steps}.' if steps else ''}"
     )

@@ -10,6 +10,7 @@ import click
 from animeme import api
 from animeme.cli import options as shared
 from animeme.cli.progress import progress
+from animeme.executors.choice import Kind
 from animeme.voices import VoicesReport
 
 
@@ -24,7 +25,6 @@ from animeme.voices import VoicesReport
 @click.option("--language", help="BCP-47 tag of a whole folder, as for `animeme align`.")
 @click.option("--aligner", help="A registered aligner; by default the job's, or else pocketsphinx.")
 @shared.lexicon
-@shared.workers
 @shared.executor
 @shared.fail_on
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on stdout.")
@@ -35,7 +35,8 @@ def command(
     aligner: str | None,
     lexicon: Path | None,
     workers: int | None,
-    executor: str,
+    executor: Kind,
+    scheduler: str | None,
     fail_on: str,
     as_json: bool,
 ) -> int:
@@ -51,8 +52,9 @@ def command(
             language=language,
             aligner=aligner,
             lexicon=lexicon,
-            executor="inline" if executor == "inline" else "local",
+            executor=executor,
             workers=workers,
+            scheduler=scheduler,
             fail_on=fail_on,
             listener=listener,
         )

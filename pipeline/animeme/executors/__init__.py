@@ -23,6 +23,7 @@ class Result:
         error: what happened, for a log; "" if "ok".
         attempt: 1 for the first.
         wall_s, cpu_s: of that attempt; CPU time is 0 where its process died.
+        host: name of the machine, "" for this one.
     """
 
     index: int
@@ -32,6 +33,7 @@ class Result:
     attempt: int
     wall_s: float
     cpu_s: float
+    host: str = ""
 
 
 class Executor(Protocol):

@@ -17,6 +17,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, Self
@@ -25,6 +26,8 @@ from animeme.executors import Outcome, Result, call
 
 # A task is small; threads of numerical libraries would only fight over the cores.
 _SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+# The environment is the whole process's, and a Dask worker starts processes in several threads.
+_ENVIRONMENT = threading.Lock()
 
 
 def default_workers() -> int:
@@ -76,20 +79,40 @@ class LocalExecutor:
     Used as a context manager it keeps its processes, and what they have loaded, from one run to the
     next. Scripts that use it need the usual ``if __name__ == "__main__":`` guard of
     multiprocessing.
+
+    Args:
+        workers: how many.
+        keeps: as if it had been entered as a context manager; `close` ends it.
     """
 
-    def __init__(self, workers: int) -> None:
+    def __init__(self, workers: int, *, keeps: bool = False) -> None:
         self.workers = workers
         self._children: list[_Child] = []
-        self._keeps = False
+        self._keeps = keeps
+        self._stopped = threading.Event()
 
     def __enter__(self) -> Self:
         self._keeps = True
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the processes that it keeps."""
         self._keeps = False
         self._end()
+
+    @property
+    def stopped(self) -> bool:
+        """Whether `stop` was called."""
+        return self._stopped.is_set()
+
+    def stop(self) -> None:
+        """End it from another thread: `run` gives no more results."""
+        self._stopped.set()
+        for child in [*self._children]:
+            child.process.kill()
 
     @property
     def cpu_s(self) -> float:
@@ -116,17 +139,21 @@ class LocalExecutor:
         self, function: str, waiting: deque[_Task], timeout_s: float, retries: int
     ) -> Iterator[Result]:
         children = self._children
-        while waiting or any(child.task for child in children):
+        while not self._stopped.is_set() and (waiting or any(child.task for child in children)):
             busy = sum(child.task is not None for child in children)
-            with _single_threaded():
+            with _single_threaded(), uninterrupted():
                 while len(children) < min(self.workers, busy + len(waiting)):
                     children.append(_Child(multiprocessing.get_context("spawn")))
+            if self._stopped.is_set():
+                return  # `stop` may have come too early to see the newest child
             for child in [child for child in children if child.task is None]:
                 if waiting and not _hand_over(child, function, waiting):
                     children.remove(child)
             for child in _ready(children, timeout_s):
                 task, result = child.task, _collect(child, timeout_s)
                 child.task = None
+                if self._stopped.is_set():
+                    return  # what it ended with is nobody's fault
                 if result.outcome in ("crash", "timeout"):
                     children.remove(child)
                     if task and result.attempt <= retries:
@@ -141,18 +168,30 @@ class LocalExecutor:
 
 
 @contextmanager
-def _single_threaded() -> Iterator[None]:
-    """Let processes that are started now use one thread each."""
-    inherited = {name: os.environ.get(name) for name in _SINGLE_THREADED}
-    os.environ.update(dict.fromkeys(_SINGLE_THREADED, "1"))
+def uninterrupted() -> Iterator[None]:
+    """Start processes and threads that Ctrl-C does not reach; this one hears of it afterwards."""
+    resource_tracker.ensure_running()  # where it is started, it lets the signal through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        for name, value in inherited.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _single_threaded() -> Iterator[None]:
+    """Let processes that are started now use one thread each."""
+    with _ENVIRONMENT:
+        inherited = {name: os.environ.get(name) for name in _SINGLE_THREADED}
+        os.environ.update(dict.fromkeys(_SINGLE_THREADED, "1"))
+        try:
+            yield
+        finally:
+            for name, value in inherited.items():
+                if value is None:
+                    os.environ.pop(name, None)
+                else:
+                    os.environ[name] = value
 
 
 def _hand_over(child: _Child, function: str, waiting: deque[_Task]) -> bool:
@@ -226,7 +265,6 @@ def _serve(pipe: Connection) -> None:
     """Run in the child: one task after another until the parent's end of the pipe closes."""
     # Standard output is the driver's, for --json; what plug-ins print is for people.
     os.dup2(2, 1)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the driver's to handle
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         while True:

@@ -77,6 +77,11 @@ class Store:
         """The file of the entry called `key` (64 hexadecimal digits)."""
         return self.folder / key[:2] / key[2:]
 
+    def scratch(self) -> Path:
+        """A name for a temporary file; `sweep` removes it when this process is dead."""
+        name = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"
+        return self.folder / _TEMPORARY / name
+
     def put(self, key: str, value: Mapping[str, Any], payload: bytes = b"") -> Entry:
         """Keep a result.
 
@@ -86,8 +91,7 @@ class Store:
         digest = hashlib.sha256(payload).hexdigest()
         content = {"key": key, "payload": digest, "value": value}
         head = json.dumps(content, ensure_ascii=False, separators=(",", ":")).encode()
-        name = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"
-        scratch, target = self.folder / _TEMPORARY / name, self.path(key)
+        scratch, target = self.scratch(), self.path(key)
         first = _MAGIC + hashlib.sha256(head).hexdigest().encode() + b"\n"
         try:
             try:
