@@ -22,6 +22,9 @@ from animeme.findings import RunReport, Severity
 from animeme.job import Job, read_job
 from animeme.preflight import dialogue_of
 from animeme.rehearsal import Rehearsal
+from animeme.reviewable import open_reviewable
+from animeme.reviewing import WrittenReview
+from animeme.reviewing import review as write_review
 from animeme.rig import Character
 from animeme.runner import Listener, Shard, run_job, run_shard
 from animeme.selection import EVERYTHING, Selection
@@ -477,3 +480,40 @@ def strip(path: str | Path, *, output: str | Path | None = None) -> tuple[str, .
     """
     file = Path(path)
     return registry.format_of(file).strip(file, Path(output) if output is not None else file)
+
+
+def review(
+    shown: str | Path,
+    output: str | Path,
+    *,
+    lines: Sequence[str] = (),
+    worst: int | None = None,
+    against: str | Path | None = None,
+    dialogue: str | Path | None = None,
+    single_file: bool = False,
+) -> WrittenReview:
+    """Write pages on which a person sees and hears lines, from disk, in any browser.
+
+    Args:
+        shown: a run's output folder, an animated file, or a folder of such.
+        output: folder to write to.
+        lines: globs over ``<language>/<line>`` or ``<line>``: these get a page; all if none.
+        worst: only so many of them, the worst.
+        against: another run or file, to see and hear beside it.
+        dialogue: folder of the recordings; a run knows its own.
+        single_file: one page that holds everything.
+
+    Raises:
+        InputError: there is nothing to be shown, or `output` cannot be written.
+
+    Example:
+        >>> import animeme
+        >>> animeme.review("out/sample", "review").index  # doctest: +SKIP
+        PosixPath('review/index.html')
+    """
+    folder = _path(dialogue)
+    other = None if against is None else open_reviewable(Path(against), dialogue=folder)
+    return write_review(
+        open_reviewable(Path(shown), dialogue=folder), Path(output), lines=lines, worst=worst,
+        other=other, single_file=single_file,
+    )  # fmt: skip

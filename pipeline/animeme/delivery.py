@@ -6,7 +6,7 @@ file), "performance" (one animation in it) or "deliveries" (all files of one cal
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -66,8 +66,15 @@ class StoredTrack:
 class StoredReader(Protocol):
     """What a format may offer: its weight animations as they are stored, broken or not."""
 
-    def stored(self, character: Character) -> Sequence[StoredTrack]:
-        """Every weights track in the character's file, in file order."""
+    def stored(
+        self, character: Character, names: Collection[str] | None = None
+    ) -> Sequence[StoredTrack]:
+        """Every weights track in the character's file, in file order.
+
+        Args:
+            character: read from the file.
+            names: of the lines, else of the animations, that are wanted; all if None.
+        """
         ...
 
 

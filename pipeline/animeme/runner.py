@@ -112,7 +112,11 @@ def run_job(
     scope = scope_of(plan, selection)
     digests = {t.asset.source: memory.digests.of(t.asset.source) for t in plan.targets}
     with output_folder(job.output) as spool, _log(plan, findings) as ledger:
-        ledger.record("start", job=job.name, lines=len(plan.lines), targets=len(plan.targets))
+        # `animeme review` finds the recordings and assets of a run by its job file.
+        file = str(job.source.absolute())
+        ledger.record(
+            "start", job=job.name, file=file, lines=len(plan.lines), targets=len(plan.targets)
+        )
         work = _Work(ledger, executor, listener, spool, Recall(memory, job, plan.targets), scope)
         work.do_lines()
         work.do_assets()

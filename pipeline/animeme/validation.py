@@ -197,9 +197,7 @@ def validate(
         JobError: the profile is broken.
         PluginError: a plug-in that is needed cannot be loaded.
     """
-    checks = delivery_checks()
-    chosen = read_profile(profile, checks)
-    asked = {id: check for id, check in checks.items() if id not in chosen.excluded}
+    chosen = read_profile(profile, delivery_checks())
     subjects, unread = read_deliveries(
         paths,
         against=against,
@@ -210,12 +208,32 @@ def validate(
         aligner=aligner,
         lexicon=lexicon,
     )
-    judge = _Judge(chosen, asked)
+    return judge(subjects, unread, chosen, baseline=baseline, fail_on=fail_on, listener=listener)
+
+
+def judge(
+    subjects: Deliveries,
+    unread: Iterable[tuple[Path, str]],
+    chosen: CheckProfile,
+    *,
+    baseline: Iterable[Mapping[str, Any]] = (),
+    fail_on: Severity = Severity.ERROR,
+    listener: Callable[[int, int], None] = lambda done, total: None,
+) -> ValidationReport:
+    """Judge what `read_deliveries` has read.
+
+    Args:
+        subjects, unread: its answer.
+        chosen: what to judge by.
+        baseline, fail_on, listener: as for `validate`.
+    """
+    asked = {id: check for id, check in delivery_checks().items() if id not in chosen.excluded}
+    asks = _Judge(chosen, asked)
     files = []
     for done, delivery in enumerate(subjects.files, 1):
-        files.append((delivery, list(judge.file(delivery))))
+        files.append((delivery, list(asks.file(delivery))))
         listener(done, len(subjects.files))
-    common = list(judge.all(subjects))
+    common = list(asks.all(subjects))
     known = _Baseline(baseline)
     by_file = {str(delivery.path): delivery for delivery in subjects.files}
     for delivery, found in files:
@@ -237,7 +255,7 @@ def validate(
         tuple(sorted(asked)),
         judged,
         rest,
-        (*skipped, *judge.skipped),
+        (*skipped, *asks.skipped),
         tuple(known.accepted),
         fail_on,
     )

@@ -28,6 +28,7 @@ _COMMANDS = {
     "lexicon": "List the words of a dialogue that no dictionary has.",
     "lines": "List the lines of a dialogue, and what they lack.",
     "merge": "Write the files of a job whose lines were done in shards.",
+    "review": "Write pages on which a person sees, hears and marks lines.",
     "rig": "Say which rig profile fits an asset, or draft one.",
     "run": "Run a job: characters and dialogue in, animated assets out.",
     "schema": "Print the JSON Schema of a document.",

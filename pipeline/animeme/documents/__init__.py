@@ -29,6 +29,7 @@ from animeme.documents.lines import (
     ManifestDocument,
     ModelDocument,
 )
+from animeme.documents.marks import MarksDocument
 from animeme.documents.reports import (
     AlignReportDocument,
     CacheDocument,
@@ -52,6 +53,7 @@ KINDS: dict[str, type[BaseModel]] = {
     "edits": EditsDocument,
     "job": JobDocument,
     "manifest": ManifestDocument,
+    "marks": MarksDocument,
     "model": ModelDocument,
     "rehearsal": RehearsalDocument,
     "report": ReportDocument,

@@ -106,7 +106,7 @@ class Buffers:
                 holds no such numbers.
         """
         with self._followed(index):
-            return accessor_floats(self.container.json, index, self._buffer)
+            return accessor_floats(self.container.json, index, self.buffer)
 
     def values(self, index: int) -> NDArray[Any]:
         """The values of any accessor, shape (count, components); normalized ones are floats.
@@ -115,7 +115,7 @@ class Buffers:
             InputError: as of `floats`.
         """
         with self._followed(index):
-            return accessor_values(self.container.json, index, self._buffer)
+            return accessor_values(self.container.json, index, self.buffer)
 
     @contextmanager
     def _followed(self, index: int) -> Iterator[None]:
@@ -138,12 +138,17 @@ class Buffers:
             InputError: it leaves its buffer.
         """
         view = self.container.json["bufferViews"][index]
-        data, start = self._buffer(view["buffer"]), view.get("byteOffset", 0)
+        data, start = self.buffer(view["buffer"]), view.get("byteOffset", 0)
         if start < 0 or start + view["byteLength"] > len(data):
             raise unreadable(self.container.path, f"buffer view {index} leaves its buffer")
         return data[start : start + view["byteLength"]]
 
-    def _buffer(self, index: int) -> memoryview:
+    def buffer(self, index: int) -> memoryview:
+        """A whole buffer.
+
+        Raises:
+            InputError: it is not there, or damaged.
+        """
         if index not in self._loaded:
             uri = self.container.json["buffers"][index].get("uri")
             if uri is None:

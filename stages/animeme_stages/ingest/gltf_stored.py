@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,14 +20,16 @@ _STEPS = 8
 _BROKEN = (AttributeError, IndexError, KeyError, TypeError, ValueError)
 
 
-def stored(character: Character) -> tuple[StoredTrack, ...]:
-    """Every weights channel of the character's file, in file order."""
+def stored(character: Character, names: Collection[str] | None = None) -> tuple[StoredTrack, ...]:
+    """Every weights channel of the character's file, or of some animations, in file order."""
     container = open_container(character.source)
     buffers = Buffers(container)
     found: list[StoredTrack] = []
     for index, animation in enumerate(container.json.get("animations", [])):
         name = str(animation.get("name", f"animation {index}"))
         note = mark_of(animation) or {}
+        if names is not None and note.get("line", name) not in names:
+            continue
         found += _tracks(animation, f"/animations/{index}", name, note, buffers, character)
     return tuple(found)
 

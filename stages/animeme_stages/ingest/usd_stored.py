@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
+from typing import Any
+
 import numpy as np
 from pxr import Usd, UsdSkel
 
@@ -17,13 +20,25 @@ from animeme_stages.ingest.usd import (
 )
 
 
-def stored(character: Character) -> tuple[StoredTrack, ...]:
-    """Every SkelAnimation of the character's file that has shapes, in stage order."""
+def stored(character: Character, names: Collection[str] | None = None) -> tuple[StoredTrack, ...]:
+    """Every SkelAnimation of the character's file, or some, that has shapes, in stage order."""
     path = character.source
     stage = open_stage(path)
     with usd_errors(path):
-        tracks = [_track(stage, animation, character) for animation in animations(stage)]
+        tracks = [
+            _track(stage, animation, character)
+            for animation in animations(stage)
+            if names is None or _name(animation.GetPrim()) in names
+        ]
     return tuple(track for track in tracks if track is not None)
+
+
+def _note(prim: Usd.Prim) -> Mapping[str, Any]:
+    return prim.GetCustomData().get(CUSTOM_DATA) or {}
+
+
+def _name(prim: Usd.Prim) -> str:
+    return str(_note(prim).get("line", prim.GetName()))
 
 
 def _track(
@@ -35,8 +50,7 @@ def _track(
     codes, rows = weight_samples(animation)
     if not names or not rows:
         return None
-    note = prim.GetCustomData().get(CUSTOM_DATA) or {}
-    name = str(note.get("line", prim.GetName()))
+    note, name = _note(prim), _name(prim)
     shapes = tuple(character.canonical.get(shape, shape) for shape in names)
     strangers = [shape for shape in names if shape not in character.canonical]
     wrong = next((i for i, row in enumerate(rows) if len(row) != len(names)), None)

@@ -7,7 +7,7 @@ the old ones, and the rest is copied.
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 from urllib.parse import quote
@@ -140,9 +140,11 @@ class GltfFormat:
         """Weight curves of every linear animation in the file."""
         return weight_animations(open_container(path), load_gltf(path))
 
-    def stored(self, character: Character) -> tuple[StoredTrack, ...]:
+    def stored(
+        self, character: Character, names: Collection[str] | None = None
+    ) -> tuple[StoredTrack, ...]:
         """Weights as they are stored; see `animeme.delivery.StoredReader`."""
-        return stored(character)
+        return stored(character, names)
 
     def harm(self, character: Character, output: Path) -> list[str]:
         """What `output` lost or changed of the source; see `animeme.contracts.Format`."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -158,9 +158,11 @@ class UsdFormat:
             action="Delete the layer; the source is as it was.",
         )
 
-    def stored(self, character: Character) -> tuple[StoredTrack, ...]:
+    def stored(
+        self, character: Character, names: Collection[str] | None = None
+    ) -> tuple[StoredTrack, ...]:
         """Weights as they are stored; see `animeme.delivery.StoredReader`."""
-        return stored(character)
+        return stored(character, names)
 
     def harm(self, character: Character, output: Path) -> list[str]:
         """What `output` lost or changed of the character's source: one sentence each.

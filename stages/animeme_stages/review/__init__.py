@@ -1,0 +1,1 @@
+"""Pages on which a person sees and hears lines: what is in them, and how they are written."""
