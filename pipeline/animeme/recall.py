@@ -116,6 +116,7 @@ class Recall(Keyring):
         if outcome is None:
             return None
         self._hits[number] = outcome
+        self._remembered.add(number)  # as it is
         return item
 
     def known(self, items: Sequence[LineItem]) -> dict[int, LineOutcome]:
