@@ -349,7 +349,7 @@ def test_a_doubt_about_a_single_recording_counts_on_demand(lines: Path, capsys: 
 
 def test_arguments_of_the_library_are_checked(lines: Path) -> None:
     with pytest.raises(ValueError, match="executor"):
-        animeme.align_folder(lines, executor="dask")  # type: ignore[arg-type]
+        animeme.align_folder(lines, executor="farm")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="severity"):
         animeme.align_folder(lines, fail_on="never")
 

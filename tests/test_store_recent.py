@@ -17,7 +17,7 @@ from support.stores import EVERY_STEP, made
 
 def looks(cache: Path) -> dict[str, bool]:
     """Line → whether the next run may know it by what it looks like."""
-    with sqlite3.connect(next(cache.rglob("*.sqlite*"))) as database:
+    with sqlite3.connect(next(cache.rglob("*.sqlite"))) as database:
         rows = database.execute("SELECT name, seen FROM recent WHERE scope LIKE 'lines of %'")
         return {name: bool(seen) for name, seen in rows}
 

@@ -16,6 +16,12 @@ _NODE = "khronos"
 SHARED_HEAD = Path("assets", "ict", "ict_multimesh_speech.glb")
 
 
+@pytest.fixture(autouse=True)
+def _validator(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The Khronos validator that the tests' own set-up brings."""
+    monkeypatch.setenv("NODE_PATH", str(Path(__file__).with_name("node") / "node_modules"))
+
+
 def test_every_code_has_a_break() -> None:
     codes = {code for check in delivery_checks().values() for code in check.codes}
     assert codes == BREAKS.keys() | ELSEWHERE

@@ -286,7 +286,7 @@ def test_a_run_that_is_interrupted_stops_at_once_and_tidies_up(
         os.killpg(process.pid, signal.SIGINT)
         _, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
-    assert err.decode().splitlines()[-1] == "Stopped."
+    assert err.decode().splitlines()[-1].startswith("Stopped: 0 of 2 lines are done")
     assert "Traceback" not in err.decode()
     job.assert_tidy()
 

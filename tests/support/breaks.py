@@ -131,6 +131,16 @@ def _lost(document: Json, _: bytearray) -> None:
     document["animations"][-1]["channels"][0]["sampler"] = 99
 
 
+def _packed(document: Json, _: bytearray) -> None:
+    """Say that the weights of the last animation are compressed; nobody looks whether they are."""
+    sampler = document["animations"][-1]["samplers"][0]
+    accessor = document["accessors"][sampler["output"]]
+    view = dict(document["bufferViews"][accessor["bufferView"]])
+    view["extensions"] = {"EXT_meshopt_compression": {}}
+    accessor["bufferView"] = len(document["bufferViews"])
+    document["bufferViews"].append(view)
+
+
 def _twice(document: Json, _: bytearray) -> None:
     document["animations"].append(document["animations"][-1])
 
@@ -366,6 +376,7 @@ def _break(make: Callable[[Good, Path, bool], Case], also: str = "") -> Break:
 UNRELATED = "articulation-unrelated sync-unrelated sync-lag"
 BREAKS: Mapping[str, Break] = {
     "animation-broken": _break(_stored(_lost)),
+    "animation-compressed": _break(_stored(_packed)),
     "animation-long": _break(_heard(_cut(1.6))),
     "animation-name-twice": _break(_stored(_twice)),
     "animation-short": _break(_heard(_cut(0.85))),
