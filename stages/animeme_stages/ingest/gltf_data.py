@@ -24,7 +24,7 @@ from animeme_stages.ingest.gltf_accessor import (
     accessor_floats,
     accessor_values,
 )
-from animeme_stages.ingest.gltf_document import mark_of
+from animeme_stages.ingest.gltf_document import MALFORMED, mark_of
 
 
 def local_file(path: Path, uri: str) -> Path:
@@ -186,7 +186,7 @@ def weight_animations(container: Container, character: Character) -> dict[str, C
         name = str(animation.get("name", f"animation {index}"))
         try:
             curves = _weight_curves(animation, buffers, character)
-        except (AttributeError, IndexError, InputError, KeyError, TypeError, ValueError) as error:
+        except (InputError, *MALFORMED) as error:
             if mark_of(animation) is None:
                 continue
             if isinstance(error, InputError):

@@ -13,6 +13,8 @@ from animeme_stages.ingest.glb import Container, unreadable
 # Top-level arrays of objects that are read, appended to, or whose files come along.
 _ARRAYS = ("accessors", "animations", "bufferViews", "buffers", "images", "meshes", "nodes")
 _MARK = "animeme"
+# What comes of following JSON that is not as it should be; `int` of an infinite number among it.
+MALFORMED = (ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError)
 
 
 def require_sound(container: Container) -> None:

@@ -13,11 +13,10 @@ from animeme.errors import InputError
 from animeme.rig import Character, MeshShapes
 from animeme_stages.ingest.glb import open_container
 from animeme_stages.ingest.gltf_data import Buffers
-from animeme_stages.ingest.gltf_document import mark_of
+from animeme_stages.ingest.gltf_document import MALFORMED, mark_of
 
 # Points between two keys of a cubic spline: at 30 keys a second they are 4 ms apart.
 _STEPS = 8
-_BROKEN = (AttributeError, IndexError, KeyError, TypeError, ValueError)
 
 
 def stored(character: Character, names: Collection[str] | None = None) -> tuple[StoredTrack, ...]:
@@ -68,7 +67,7 @@ def _tracks(
             compressed = error.code == "animation-compressed"
             code = error.code if compressed else "animation-broken"
             yield _faulty(name, place, shapes, note, code, f"it {error.problem}")
-        except _BROKEN as error:
+        except MALFORMED as error:
             said = f"its sampler cannot be followed ({error})"
             yield _faulty(name, place, shapes, note, "animation-broken", said)
 

@@ -11,10 +11,10 @@ from contextlib import suppress
 from typing import Any
 
 from animeme.rig import Drive, MeshShapes, canonical_names
+from animeme_stages.ingest.gltf_document import MALFORMED
 
 # VRM 0.x's presets of the mouth, as its models call them.
 _VOWELS_0 = {"a": "A", "i": "I", "u": "U", "e": "E", "o": "O"}
-_MALFORMED = (AttributeError, IndexError, KeyError, TypeError, ValueError)
 
 Bind = tuple[str, int, float]  # node or mesh as a JSON pointer, target, weight
 
@@ -60,13 +60,13 @@ def bound_names(root: Mapping[str, Any]) -> dict[tuple[str, int], str]:
 
 
 def _expressions(root: Mapping[str, Any]) -> Iterator[tuple[str, list[Bind]]]:
-    with suppress(*_MALFORMED):
+    with suppress(*MALFORMED):
         declared = root["extensions"]["VRMC_vrm"]["expressions"]
         for kind in ("preset", "custom"):
             for name, expression in declared.get(kind, {}).items():
                 if isinstance(expression, dict) and expression.get("isBinary") is not True:
                     yield name, list(_binds_1(expression))
-    with suppress(*_MALFORMED):
+    with suppress(*MALFORMED):
         for group in root["extensions"]["VRM"]["blendShapeMaster"]["blendShapeGroups"]:
             if isinstance(group, dict) and group.get("isBinary") is not True:
                 preset = str(group.get("presetName", "unknown")).lower()
@@ -75,13 +75,13 @@ def _expressions(root: Mapping[str, Any]) -> Iterator[tuple[str, list[Bind]]]:
 
 
 def _binds_1(expression: Mapping[str, Any]) -> Iterator[Bind]:
-    with suppress(*_MALFORMED):
+    with suppress(*MALFORMED):
         for bind in expression.get("morphTargetBinds", []):
             yield f"/nodes/{int(bind['node'])}", int(bind["index"]), _finite(bind["weight"])
 
 
 def _binds_0(group: Mapping[str, Any]) -> Iterator[Bind]:
-    with suppress(*_MALFORMED):
+    with suppress(*MALFORMED):
         for bind in group.get("binds", []):
             yield f"/meshes/{int(bind['mesh'])}", int(bind["index"]), _finite(bind["weight"]) / 100
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from animeme_stages.ingest.glb import Chunk, Container
 from animeme_stages.ingest.gltf_data import external_uris, local_file
-from animeme_stages.ingest.gltf_document import mark_of
+from animeme_stages.ingest.gltf_document import MALFORMED, mark_of
 from animeme_stages.write.gltf_origin import our_lines, past_of
 
 _PIECE = 1 << 20
@@ -71,7 +71,7 @@ def _length(root: Any) -> float:
     """Length of buffer 0 in an `_exact` document; 0 where there is none."""
     try:
         return float(root["buffers"][0]["byteLength"][1])
-    except (IndexError, KeyError, TypeError, ValueError):
+    except MALFORMED:
         return 0.0
 
 

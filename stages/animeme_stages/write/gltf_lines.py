@@ -15,7 +15,7 @@ from animeme.curves import CurveSet
 from animeme.rig import Character, MeshShapes
 from animeme_stages.ingest.glb import unreadable
 from animeme_stages.ingest.gltf_data import Buffers
-from animeme_stages.ingest.gltf_document import marked
+from animeme_stages.ingest.gltf_document import MALFORMED, marked
 
 FLOAT = 5126
 
@@ -95,7 +95,7 @@ def carried(
             {**sampler, "input": moved(sampler["input"]), "output": moved(sampler["output"])}
             for sampler in animation["samplers"]
         ]
-    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+    except MALFORMED as error:
         name = str(animation.get("name"))[:80]
         problem = f"its animation '{name}', of an earlier run, is broken ({error})"
         raise unreadable(buffers.container.path, problem) from error

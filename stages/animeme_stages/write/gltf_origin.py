@@ -14,7 +14,7 @@ from typing import Any
 
 from animeme.errors import InputError
 from animeme_stages.ingest.glb import Chunk, Container
-from animeme_stages.ingest.gltf_document import line_of, mark_of
+from animeme_stages.ingest.gltf_document import MALFORMED, line_of, mark_of
 from animeme_stages.write.glb import checksum, stored
 from animeme_stages.write.json_splice import Splice
 
@@ -105,9 +105,7 @@ def past_of(container: Container, *, verified: bool = True) -> Past | None:
         replaced = [index for name, index, member in origin.replaced if name == "animations"]
         ours = [*(container.json["animations"][index] for index in replaced), *ours]
         sound = all(line_of(animation) for animation in ours)
-    except (
-        AttributeError, IndexError, InputError, KeyError, RecursionError, TypeError, ValueError,
-    ):  # fmt: skip
+    except (InputError, RecursionError, *MALFORMED):
         return None
     return Past(origin, source, tuple(ours)) if sound else None
 

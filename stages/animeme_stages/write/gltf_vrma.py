@@ -19,7 +19,7 @@ from animeme.errors import InputError
 from animeme.rig import Character, Drive
 from animeme_stages.ingest.glb import open_container
 from animeme_stages.ingest.gltf_data import Buffers
-from animeme_stages.ingest.gltf_document import mark_of, marked
+from animeme_stages.ingest.gltf_document import MALFORMED, mark_of, marked
 from animeme_stages.write.gltf_clip import AnimationFile, file_json, save
 from animeme_stages.write.gltf_lines import Appended, as_floats, free_name, note_of
 
@@ -240,7 +240,7 @@ def _bones(root: Mapping[str, Any], first: int) -> tuple[list[dict[str, Any]], d
         places = {node: first + place for place, node in enumerate(sorted(kept))}
         made = [_bone(root["nodes"][node], places) for node in sorted(kept)]
         human = {name: {"node": places[node]} for name, node in bones.items()}
-    except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+    except MALFORMED:
         return [], {}
     return made, {"humanoid": {"humanBones": human}}
 
