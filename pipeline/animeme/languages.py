@@ -46,6 +46,7 @@ def language_tag(name: str, *, place: str = "") -> str:
 
 
 @cache
+@cache
 def find_tag(name: str) -> str | None:
     """As `language_tag`, None where there is none."""
     spelt = unicodedata.normalize("NFC", name).strip().casefold()

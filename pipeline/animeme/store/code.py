@@ -25,7 +25,7 @@ from animeme.store.index import Index
 
 # Parts of the engine that carry results about and make none.
 _CARRIERS = ("animeme.store", "animeme.executors", "animeme.cli", "animeme.registry")
-_SKIPPED = ("__pycache__",)
+_SKIPPED = ("__pycache__", "node_modules")
 
 
 class CodeDigests:
