@@ -30,7 +30,7 @@ TIME = (
 HEAD: Step = ("wait", "!!document.querySelector(\".stage[data-ready='1']\")")
 STOPPED: Step = ("wait", "document.querySelector('.play').getAttribute('aria-label') === 'Play'")
 MARKS = "document.querySelector('.exporters .quiet').textContent"
-REMARK = "document.querySelector('#app > [role=status]').textContent"
+REMARK = "document.querySelector('.player .remark').textContent"
 # Where the picture is, where the sound is, as often as the page may change.
 FOLLOW = f"""globalThis.followed = [];
 setInterval(() => followed.push([{TIME}, heard.currentTime, heard.paused]), 15); true"""
@@ -107,6 +107,27 @@ def test_a_line_is_found_plays_in_time_and_moves_the_head(
     assert heard[-1] > 2.4
     assert inside_mouth(got.picture("shut")) < 0.25 * inside_mouth(got.picture("open"))
     got.require_quiet()
+
+
+def test_without_a_sound_output_it_says_so_and_runs_on(
+    browser: Firefox, pages: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PULSE_SERVER", f"unix:{tmp_path / 'none'}")
+    got = browser.walk(
+        [
+            ("open", boat(pages).as_uri()),
+            ("press", " "),
+            ("wait", f"{TIME} > 0.4"),
+            ("look", "remark", REMARK),
+            STOPPED,
+            ("look", "ended", TIME),
+        ],
+        tmp_path,
+    )
+    assert got["remark"].startswith(
+        "The recording is not heard: this browser found no sound output"
+    )
+    assert got["ended"] == pytest.approx(2.7, abs=0.06)
 
 
 def test_marks_are_exported_and_kept_for_their_page_alone(
