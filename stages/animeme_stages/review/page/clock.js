@@ -25,7 +25,7 @@ class Clock {
       audio.preservesPitch = true;
       audio.addEventListener("error", () => {
         this.audio = null;
-        this.silent = "This browser cannot play the recording: the clock runs without it.";
+        this.silent = "The recording is not heard: this browser found no sound output, or cannot read it. The clock runs without it.";
         this._tell();
       });
     }
@@ -90,14 +90,17 @@ class Clock {
     const passed_s = Math.min(0.25, (now_ms - this._before_ms) / 1000) * this.rate;
     this._before_ms = now_ms;
     if (!this.playing) return;
+    const before_s = this._at_s;
     this._at_s += passed_s;
     const audio = this.audio;
-    if (audio && !audio.paused && !audio.seeking) {
-      // The audio's own time comes in steps: follow it smoothly, jump only if it is far off.
-      const ahead_s = audio.currentTime - this._at_s;
-      this._at_s += Math.abs(ahead_s) > 0.1 ? ahead_s : ahead_s * 0.12;
-    } else if (audio && this._at_s >= 0 && this._at_s < audio.duration) {
-      this._follow();
+    if (audio && !audio.paused) {
+      // The audio's own time comes in steps, and late where sound is slow to start (Firefox): follow it
+      // smoothly, wait for it if it is far behind, jump if it is far ahead; never go back.
+      const ahead_s = audio.seeking ? -Infinity : audio.currentTime - this._at_s;
+      if (ahead_s > 0.1) this._at_s = audio.currentTime;
+      else this._at_s = ahead_s < -0.1 ? before_s : Math.max(before_s, this._at_s + ahead_s * 0.12);
+    } else if (audio && !audio.ended && this._at_s >= 0 && this._at_s < audio.duration) {
+      this._follow(); // sound that has ended would begin anew
     }
     const [from, to] = this.loop ?? [this.start_s, this.end_s];
     if (this._at_s >= to) {

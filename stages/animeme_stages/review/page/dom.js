@@ -129,12 +129,6 @@ class Herald {
   say(text) {
     this.element.textContent = text;
   }
-
-  /** Tell everybody. @param {string} text */
-  show(text) {
-    this.element.className = "remark";
-    this.say(text);
-  }
 }
 
 /**

@@ -42,7 +42,6 @@ class LineView {
     this._transcript = new Transcript(line, this.clock);
     if (!line.events.length && !line.findings.some((finding) => finding.when_s)) this._timeline.element.classList.add("no-notes");
     this._findings = new Findings(line, this.clock, this._herald);
-    this.clock.watchers.push(() => this.clock.silent && this._herald.show(this.clock.silent));
     this._marks = new MarkBox(line, marks, this._herald);
     this._player = new Player(this.clock, line.frame_hz, (factor) => this._timeline.zoomBy(factor));
     this._heads = new Heads(`The head that says “${line.text}”`);

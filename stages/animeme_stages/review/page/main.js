@@ -8,7 +8,7 @@
 /** @param {PageData} data */
 function start(data) {
   const root = /** @type {HTMLElement} */ (document.getElementById("app"));
-  const marks = new Marks(data.title ?? data.index?.title ?? "");
+  const marks = new Marks(data.title ?? data.index?.title ?? "", !data.lines);
   if (data.line && data.around) {
     root.className = "line-page";
     const { up, before, after } = data.around;

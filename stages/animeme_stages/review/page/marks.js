@@ -7,9 +7,14 @@ const MARKS_HEADER = ["line", "character", "mark", "note"];
 
 /** Marks of one run. */
 class Marks {
-  /** @param {string} title - of the run; marks of another are others */
-  constructor(title) {
+  /**
+   * @param {string} title - of the run; marks of another are others
+   * @param {boolean} pages - whether the review has a page for each line
+   */
+  constructor(title, pages) {
     this._place = `animeme.marks:${title}`;
+    // To Firefox each file is an origin of its own; nothing but its name tells that to a page.
+    this._alone = pages && location.protocol === "file:" && navigator.userAgent.includes("Firefox/");
     /** @type {Map<string, Mark>} */
     this._marks = new Map();
     this.kept = true;
@@ -104,12 +109,14 @@ class Marks {
    * @param {Herald} herald
    */
   exporters(herald) {
-    const counted = el("span", { class: "quiet" });
+    const why = this._alone ? "To have the marks of all lines together, review with --single-file, put the folder on a web server, or open it in another browser" : null;
+    const counted = el("span", { class: "quiet", title: why });
     const told = () => {
       const all = this.all();
       const fix = all.filter((mark) => mark.mark === "fix").length;
       counted.textContent = all.length ? `${all.length - fix} good, ${fix} to fix` : "no marks yet";
       if (!this.kept) counted.textContent += " — this browser forgets them with the page: export them";
+      else if (this._alone) counted.textContent += " on this page — Firefox keeps those of each page alone";
     };
     told();
     this.watchers.push(told);

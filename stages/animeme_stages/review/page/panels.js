@@ -282,6 +282,7 @@ class Player {
     speed.addEventListener("change", () => clock.setRate(Number(speed.value)));
     this._speed = speed;
     this._loop = button("Loop", () => this.toggleLoop(), { key: "l", title: "Repeat all, or what is dragged over the sound", pressed: false });
+    this._silent = el("p", { class: "remark", role: "status" });
     this.element = el(
       "section",
       { class: "player", "aria-label": "Player" },
@@ -290,6 +291,7 @@ class Player {
       this._slider,
       el("div", { class: "group" }, speed, this._loop),
       el("div", { class: "group" }, button("Show more time", () => zoom(1 / 1.5), { icon: "−", key: "-" }), button("Show less time", () => zoom(1.5), { icon: "+", key: "+" })),
+      this._silent,
     );
     clock.watchers.push(() => this._show());
     this._show();
@@ -310,6 +312,7 @@ class Player {
     this._play.textContent = this._clock.playing ? "❚❚" : "▶";
     this._play.setAttribute("aria-label", this._clock.playing ? "Pause" : "Play");
     this._loop.setAttribute("aria-pressed", String(this._clock.loop !== null));
+    if (this._silent.textContent !== this._clock.silent) this._silent.textContent = this._clock.silent;
   }
 
   draw() {
