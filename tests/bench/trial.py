@@ -1,6 +1,6 @@
 """200 files that animeme delivers, judged as they are and with one damage each.
 
-    python tests/bench/trial.py ../shared [--seed 1] [--folder DIR]
+    PYTHONPATH=tests python tests/bench/trial.py ../shared [--seed 1] [--folder DIR]
 
 Lines of GRID on the sample's two heads and the ICT head, and prompts in three languages on the
 sample's head, as glTF and USD, in every layout. Which lines they are, and which damage a file gets

@@ -1,6 +1,6 @@
 """How many small files `animeme validate` judges per second of one core.
 
-    python tests/bench/validate_speed.py [--count 1000]
+    PYTHONPATH=tests python tests/bench/validate_speed.py [--count 1000]
 
 Each is a head of one triangle with the shapes that speak, and one line. Node is not asked, as the
 Khronos validator's cost is its own.
