@@ -192,11 +192,17 @@ def test_the_list_sorts_searches_and_opens_by_keyboard(watch: Watch, pages: Path
     page.keyboard.press("/")
     page.keyboard.type("blue boat ada")
     assert "1 of 36 lines" in page.inner_text(".filters")
-    page.keyboard.press("Escape")
     page.keyboard.press("Enter")
     page.wait_for_url("**/lines/ada/en/boat.html")
     page.keyboard.press("i")
     page.wait_for_url("**/index.html")
+    page.wait_for_selector(first)
+    page.keyboard.press("/")
+    page.keyboard.type("moon ada")
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("j")
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/moon.html")
     shown.require_quiet()
 
 

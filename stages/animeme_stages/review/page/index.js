@@ -41,7 +41,10 @@ class IndexView {
     this._at = 0;
     this._count = el("span", { class: "quiet", role: "status" });
     this._search = /** @type {HTMLInputElement} */ (el("input", { type: "search", placeholder: "Search lines, words, findings", "aria-label": "Search", "aria-keyshortcuts": "/" }));
-    this._search.addEventListener("input", () => this._want({ text: this._search.value.toLowerCase() }));
+    this._search.addEventListener("input", () => {
+      this._at = 0;
+      this._want({ text: this._search.value.toLowerCase() });
+    });
     this._heads = COLUMNS.map((column) => this._header(column));
     this._body = el("div", { class: "body", role: "rowgroup" });
     this._scroller = el("div", { class: "list", tabindex: 0 }, this._body);
@@ -184,14 +187,21 @@ class IndexView {
 
   /** @param {KeyboardEvent} event */
   _key(event) {
-    if (event.key === "Escape" && document.activeElement === this._search) this._search.blur();
-    if (isTyping(event)) return;
+    const searching = document.activeElement === this._search;
+    if (searching && event.key === "Escape") this._search.blur();
+    if (searching && event.key === "ArrowDown") {
+      this._search.blur(); // on to what was found
+      this._move(0);
+      event.preventDefault();
+      return;
+    }
+    if (isTyping(event) && !(searching && event.key === "Enter")) return;
     const page = Math.max(1, Math.floor(this._scroller.clientHeight / ROW_PX) - 1);
     const steps = /** @type {Record<string, number>} */ ({ ArrowDown: 1, j: 1, ArrowUp: -1, k: -1, PageDown: page, PageUp: -page, Home: -1e9, End: 1e9 });
     const by = steps[event.key];
     const row = this._data.rows[this._rows[this._at] ?? -1];
     if (by !== undefined) this._move(by);
-    else if (event.key === "/") this._search.focus();
+    else if (event.key === "/") this._search.select(); // which focuses it too
     else if (event.key === "Enter" && !(/** @type {HTMLElement} */ (event.target).matches("a, button")) && row?.[8]) location.href = row[8];
     else if ((event.key === "g" || event.key === "f") && row) {
       const mark = event.key === "g" ? "good" : "fix";
