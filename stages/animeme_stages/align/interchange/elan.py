@@ -8,15 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
-from typing import NoReturn
-from xml.etree.ElementTree import Element, TreeBuilder
-from xml.parsers import expat
+from xml.etree.ElementTree import Element
 
 from animeme_stages.align.interchange.source import Source, number
 from animeme_stages.align.interchange.tiers import Tier, timings_of
 from animeme_stages.align.interchange.timings import DamagedError, Span, Timings
-
-_DEEPEST = 16  # ELAN's own nesting is five
+from animeme_stages.ingest.safe_xml import XmlError, parse_xml
 
 
 def matches(source: Source) -> bool:
@@ -30,7 +27,10 @@ def read(source: Source) -> Timings:
     Raises:
         DamagedError: it is not complete XML, declares entities, or an annotation has no time.
     """
-    root = _parse(source.text)
+    try:
+        root = parse_xml(source.text)
+    except XmlError as error:
+        raise DamagedError(str(error)) from None
     if root.tag != "ANNOTATION_DOCUMENT":
         raise DamagedError(f"its root is <{root.tag[:40]}>, not <ANNOTATION_DOCUMENT>")
     header = root.find("HEADER")
@@ -42,41 +42,6 @@ def read(source: Source) -> Timings:
         Tier(tier.get("TIER_ID", ""), tuple(_spans(tier, slots))) for tier in root.iter("TIER")
     )
     return timings_of(tiers, None, "elan")
-
-
-def _parse(text: str) -> Element:
-    """The root element of `text`; expat feeds the tree, so that declarations can be refused."""
-    builder = TreeBuilder()
-    depth = 0
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal depth
-        depth += 1
-        if depth > _DEEPEST:
-            raise DamagedError(f"its elements are nested more than {_DEEPEST} deep")
-        builder.start(tag, attributes)
-
-    def end(tag: str) -> None:
-        nonlocal depth
-        depth -= 1
-        builder.end(tag)
-
-    parser = expat.ParserCreate(encoding="utf-8")
-    parser.StartDoctypeDeclHandler = _no_doctype
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.CharacterDataHandler = builder.data
-    try:
-        parser.Parse(text.encode("utf-8"), True)
-    except expat.ExpatError as error:
-        raise DamagedError(f"it is not complete XML ({error})") from None
-    except UnicodeEncodeError:
-        raise DamagedError("it is not Unicode text") from None
-    return builder.close()
-
-
-def _no_doctype(*_: object) -> NoReturn:
-    raise DamagedError("it has a document type declaration, which ELAN never writes")
 
 
 def _slots(root: Element) -> dict[str, float | None]:
