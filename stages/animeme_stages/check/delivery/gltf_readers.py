@@ -5,13 +5,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, ClassVar
-
-import pygltflib
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from animeme.delivery import Code, Complaint, Delivery, LimitSpec, Skip, complain
 from animeme.findings import Severity
 from animeme_stages.check.delivery.structure import is_gltf
+
+if TYPE_CHECKING:
+    from pygltflib import GLTF2
 
 
 class GltfReaders:
@@ -51,15 +52,17 @@ class GltfReaders:
             yield complain("gltf-refused", f"pygltflib: {said}", place=place)
 
 
-def _read(path: Path) -> pygltflib.GLTF2 | None:
+def _read(path: Path) -> GLTF2 | None:
     """Either form, told by its first bytes: it goes by suffixes, and knows no ``.vrm``."""
+    from pygltflib import GLTF2  # takes its time, and every worker loads the checks
+
     with path.open("rb") as stream:
         binary = stream.read(4) == b"glTF"
-    document = pygltflib.GLTF2()
+    document = GLTF2()
     return document.load_binary(str(path)) if binary else document.load_json(str(path))
 
 
-def _beyond(document: pygltflib.GLTF2) -> tuple[str, str] | None:
+def _beyond(document: GLTF2) -> tuple[str, str] | None:
     """What refers to more than there is, and where."""
     sizes = [buffer.byteLength for buffer in document.buffers]
     blob = document.binary_blob() if sizes and document.buffers[0].uri is None else None

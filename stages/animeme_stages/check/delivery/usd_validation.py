@@ -7,8 +7,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
 
-from pxr import Tf, Usd, UsdValidation
-
 from animeme.delivery import Code, Complaint, Delivery, LimitSpec, Skip
 from animeme.findings import Severity
 from animeme_stages.check.delivery.structure import Remark, complaints, is_gltf
@@ -55,6 +53,8 @@ def _kept(path: Path, size: int, changed_ns: int) -> list[Remark]:
 
 def _remarks(path: Path) -> list[Remark]:
     """Every error of every validator."""
+    from pxr import Tf, Usd, UsdValidation  # takes its time, and every worker loads the checks
+
     try:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
