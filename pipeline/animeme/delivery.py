@@ -23,7 +23,6 @@ from animeme.phones import PhoneTrack
 from animeme.rig import BoundRig, Character
 
 Subject = Literal["delivery", "performance", "deliveries"]
-SUBJECTS: tuple[Subject, ...] = ("deliveries", "delivery", "performance")
 
 
 @dataclass(frozen=True, eq=False)

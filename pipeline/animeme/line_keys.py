@@ -111,7 +111,7 @@ class Keyring:
             if part == "align":
                 plugins.append(find(registry.ALIGNERS, self.job.aligner))
             if part == "rig":
-                plugins += registry.plugins(registry.CHECKS).values()
+                plugins += registry.plugins(registry.LINE_CHECKS).values()
             self._codes[part] = self.memory.code.of(plugins, _ENGINE)
         return self._codes[part]
 

@@ -220,7 +220,7 @@ class AssetRecall:
 
     def _format_code(self, name: str) -> str:
         plugins = [registry.find(registry.FORMATS, name)]
-        plugins += registry.plugins(registry.CHECKS).values()
+        plugins += registry.plugins(registry.ASSET_CHECKS).values()
         return self._code_of(("format", name), plugins)
 
     def _code(self, stage: str) -> str:

@@ -246,7 +246,9 @@ class Steps:
             try:
                 made = motion.of(target.character, target.asset, target.rig, controls())
                 subject = LineSubject(motion.track, made.controls, target.rig, made.heard)
-                found = [f for check in registry.checks("line") for f in check.run(subject)]
+                found = [
+                    f for check in registry.checks(registry.LINE_CHECKS) for f in check.run(subject)
+                ]
             except InputError as error:
                 return self._failed(error, tokens)
             findings = packed((*made.findings, *found), tokens)
