@@ -156,7 +156,7 @@ class Pictures:
     remarks: tuple[str, ...] = ()
 
 
-def review(
+def write_review(
     shown: Reviewable,
     output: Path,
     *,

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from animeme import api
+from animeme.batch import rehearse
 from animeme.cli import options as shared
 from animeme.cli.running import MOST_SHOWN, Order, run_and_tell
 from animeme.executors.choice import Kind
-from animeme.rehearsal import Rehearsal
 from animeme.runner import Shard
+
+if TYPE_CHECKING:
+    from animeme.rehearsal import Rehearsal
 
 
 def _shard(_: click.Context, __: click.Parameter, value: str | None) -> str | None:
@@ -100,7 +103,7 @@ def command(
 
 def _rehearse(order: Order) -> int:
     """Say what would be done."""
-    rehearsal = api.rehearse(
+    rehearsal = rehearse(
         order.job,
         output=order.output,
         speak=order.speak,
