@@ -101,7 +101,7 @@ class Ledger:
         self._failed.discard(item.number)
         steps: dict[str, Any] = {}
         if outcome is None:
-            fault = fault_of(result, str(item.line.audio))
+            fault = fault_of(result, item.line.audio_file)
             self._add(item.number, [replace(fault, line=item.line.key)])
         else:
             self._end(item.number, outcome)

@@ -124,9 +124,22 @@ def load_plugins(job: Job) -> None:
             registry.load_model(character.model.name, file=character.model.file)
     for subject in ("line", "asset"):
         registry.checks(subject)
-    for group in (registry.STAGES, registry.REPORTS):
-        for plugin in registry.plugins(group).values():
-            plugin.load()
+    for name in _stages_of(job):
+        registry.stage(name)
+    for plugin in registry.plugins(registry.REPORTS).values():
+        plugin.load()
+
+
+def _stages_of(job: Job) -> Iterator[str]:
+    """Names of the steps that a run of the job may take."""
+    yield from ("read-speech", "read-transcript", "read-timings", "timings-kind")
+    yield from ("bind-rig", "retarget", "read-curves", "curve-files")
+    if job.speak:
+        yield from ("speak", "write-speech")
+    if job.curves.export:
+        yield "write-curves"
+    if any(character.usdz for character in job.characters):
+        yield "package-usdz"
 
 
 def dialogue_of(job: Job) -> tuple[tuple[Line, ...], tuple[Finding, ...]]:
@@ -324,7 +337,7 @@ def require_distinct_curve_files(plan: Plan) -> None:
         raise JobError(str(plan.job.source), problems)
 
 
-def _inputs(plan: Plan) -> Iterator[Path]:
+def _inputs(plan: Plan) -> Iterator[str | Path]:
     job = plan.job
     yield job.source
     yield from job.dialogue.files
@@ -332,12 +345,12 @@ def _inputs(plan: Plan) -> Iterator[Path]:
     yield from (job.folder / character.rig for character in job.characters)
     yield from (path for path in (job.lexicon, job.voices, *_model_files(job)) if path)
     for line in plan.lines:
-        yield from (line.audio, line.transcript)
-        yield from () if line.timings is None else (line.timings,)
+        yield from (line.audio_file, line.transcript_file)
+        yield from () if line.timings_file is None else (line.timings_file,)
         yield from (car.path for car in line.side_cars)
 
 
-def _below(output: str, paths: Iterable[Path]) -> set[str]:
+def _below(output: str, paths: Iterable[str | Path]) -> set[str]:
     """The files below a folder that paths mean; thousands of them in a few folders, each of which
     is looked at once.
     """
