@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import unicodedata
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
 from operator import attrgetter, itemgetter
@@ -246,7 +246,8 @@ def _line(language: str, character: str, name: str, files: list[str]) -> Line | 
     named = (("recordings", audio), ("transcripts", texts), ("files of timings", timings))
     for kind, found in named:
         if len(found) > 1:
-            message = f"has {len(found)} {kind}: {', '.join(shown(basename(file)) for file in found)}"
+            names = ", ".join(shown(basename(file)) for file in found)
+            message = f"has {len(found)} {kind}: {names}"
             action = "Keep one of them."
             findings.append(Finding(Severity.ERROR, "line-duplicate", message, action=action))
     if shown(name) != name:

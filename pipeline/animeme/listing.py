@@ -229,7 +229,8 @@ def _shared(lines: Iterator[Line]) -> Iterator[Line]:
         owners[line.audio_file].append(line)
     for line in kept:
         # Several characters may say one line together.
-        others = [o for o in owners[line.audio_file] if (o.language, o.id) != (line.language, line.id)]
+        same = owners[line.audio_file]
+        others = [o for o in same if (o.language, o.id) != (line.language, line.id)]
         if others and line.audio.is_file():
             names = ", ".join(other.key for other in others[:3])
             message = f"has the recording of {names} too"

@@ -380,19 +380,26 @@ def _links(folder: str) -> frozenset[str]:
 
 
 def stale_outputs(plan: Plan, fresh: Collection[str]) -> Iterator[Finding]:
-    """A warning for each file of an earlier run that this one would have written, but did not."""
+    """A warning for each file of an earlier run that this one would have written, but did not.
+
+    Args:
+        plan: of the run.
+        fresh: what is there as this run would write it, from the output folder.
+    """
     output = str(plan.job.output)
+    start = len(output) + 1
     hidden: list[str] = []
-    left = {path for path in map("/".join, walk(output, hidden=hidden)) if path not in fresh}
+    found = (f"{folder}/{name}"[start:] for folder, name in walk(output, hidden=hidden))
+    left = {path for path in found if path not in fresh}
     sweep_hidden(plan.job.output, hidden)
-    left -= {os.path.join(output, name) for name in REPORT_NAMES}
+    left -= {*REPORT_NAMES}
     for path in map(str, plan.possible_files() if left else ()):
-        if path in left:
+        if path[start:] in left:
             yield Finding(
                 Severity.WARNING,
                 "output-stale",
                 "is from an earlier run: this one had nothing good to put in its place",
-                place=path[len(output) + 1 :],
+                place=path[start:],
                 action="Do not deliver it; mend its lines and run again, or delete it.",
             )
 
