@@ -15,11 +15,11 @@ from animeme.selection import Selection, read_changed, select
 def line(key: str) -> Line:
     language, *character, name = key.split("/", 2)
     audio = Path("vo", f"{key}.wav")
-    return Line(name, language, "".join(character), audio, audio.with_suffix(".txt"))
+    return Line(name, language, "".join(character), str(audio), str(audio.with_suffix(".txt")))
 
 
 KEYS = ("de/ada/act1/a", "de/bob/act1/b", "en-US/ada/act1/a", "en/ada/act2/c")
-COMMON = Line("all", "en", "", Path("vo/en/all.wav"), Path("vo/en/all.txt"))
+COMMON = Line("all", "en", "", "vo/en/all.wav", "vo/en/all.txt")
 LINES = (*map(line, KEYS), COMMON)
 CASES: dict[str, tuple[Selection, list[str]]] = {
     "all": (Selection(), [li.key for li in LINES]),

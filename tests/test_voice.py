@@ -184,14 +184,14 @@ def test_whose_voice_a_line_has(tmp_path: Path) -> None:
         (tmp_path / name).touch()
 
     def of(language: str, character: str) -> Path | None:
-        return voice_of(tmp_path, Line("x", language, character, Path("x.wav"), Path("x.txt")))
+        return voice_of(tmp_path, Line("x", language, character, "x.wav", "x.txt"))
 
     assert of("en", "") == tmp_path / "en.voice"
     assert of("en", "ada") == tmp_path / "en" / "ada.voice"
     assert of("en", "bob") is None
     assert of("de", "") is None
     single = tmp_path / "en.voice"
-    line = Line("x", "de", "bob", Path("x.wav"), Path("x.txt"))
+    line = Line("x", "de", "bob", "x.wav", "x.txt")
     assert voice_of(single, line) == single
     assert voice_of(None, line) is None
 

@@ -7,7 +7,7 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Literal
 
-from animeme.dialogue import Line, composed, files_below, lines_of_files
+from animeme.dialogue import Groups, Line, composed, files_below, lines_of_files
 from animeme.findings import Finding, Severity
 from animeme.languages import find_tag, is_common
 
@@ -36,7 +36,7 @@ def find_affixed(
         The lines, and a warning if files were left out.
     """
     known = {composed(name): name for name in characters}
-    groups: dict[tuple[str, str, str], list[Path]] = defaultdict(list)
+    groups: Groups = defaultdict(list)
     left: list[Path] = []
     for file in files_below(root, root, without):
         *folders, stem = file.relative_to(root).with_suffix("").parts
@@ -46,7 +46,7 @@ def find_affixed(
             continue
         character = known.get(composed(folders[0]), "") if folders else ""
         parts = (*folders[1:], name) if character else (*folders, name)
-        groups[tag or language, character, composed("/".join(parts))].append(file)
+        groups[tag or language, character, composed("/".join(parts))].append(str(file))
     return lines_of_files(groups), tuple(_left(left, where) if left else ())
 
 

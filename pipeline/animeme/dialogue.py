@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import unicodedata
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
 from operator import attrgetter, itemgetter
+from os.path import basename, splitext
 from pathlib import Path
 
 from animeme import registry
@@ -43,9 +44,9 @@ class SideCar:
     character: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Line:
-    """One recording in one language.
+    """One recording in one language. There may be a million: paths are kept as text.
 
     Attributes:
         id: path below the language (and character) folder, without suffix; ``/`` separates. As a
@@ -53,9 +54,9 @@ class Line:
         language: BCP-47 tag of the folder's name, which may be ``English(US)``; the name itself if
             it is no language.
         character: whose line it is, "" for every character of the job.
-        audio: the recording.
-        transcript: file of its text; it need not be there if `text` is.
-        timings: phones or words that somebody has already timed, or None.
+        audio_file: the recording.
+        transcript_file: file of its text; it need not be there if `text` is.
+        timings_file: phones or words that somebody has already timed, or None.
         findings: what its discovery noticed.
         side_cars: curves and edits by hand, those for everybody first.
         text: what is said, where a sheet or a translation has it; it goes before `transcript`.
@@ -65,13 +66,28 @@ class Line:
     id: str
     language: str
     character: str
-    audio: Path
-    transcript: Path
-    timings: Path | None = None
+    audio_file: str
+    transcript_file: str
+    timings_file: str | None = None
     findings: tuple[Finding, ...] = ()
     side_cars: tuple[SideCar, ...] = ()
     text: str | None = None
     origin: str = ""
+
+    @property
+    def audio(self) -> Path:
+        """The recording."""
+        return Path(self.audio_file)
+
+    @property
+    def transcript(self) -> Path:
+        """The file of its text."""
+        return Path(self.transcript_file)
+
+    @property
+    def timings(self) -> Path | None:
+        """What somebody has already timed, or None."""
+        return None if self.timings_file is None else Path(self.timings_file)
 
     def files_of(self, kind: str, character: str, *, alone: bool = False) -> tuple[Path, ...]:
         """Files by hand of one kind that concern a character, those for everybody first.
@@ -134,16 +150,17 @@ def find_lines(
         without: a folder that is left out.
     """
     known = {composed(name): name for name in characters}
-    groups: dict[tuple[str, str, str], list[Path]] = defaultdict(list)
+    groups: Groups = defaultdict(list)
     for folder in sorted(entry for entry in root.iterdir() if entry.is_dir()):
         language = find_tag(folder.name) or folder.name
         for place, names in _places_below(folder, root, without):
             parts = place.relative_to(folder).parts
             character = known.get(composed(parts[0]), "") if parts else ""
             start = "".join(f"{part}/" for part in (parts[1:] if character else parts))
+            above = os.path.join(place, "")
             for name in names:
-                stem = composed(start + os.path.splitext(name)[0])
-                groups[language, character, stem].append(place / name)
+                stem = composed(start + splitext(name)[0])
+                groups[language, character, stem].append(f"{above}{name}")
     return lines_of_files(groups)
 
 
@@ -157,10 +174,10 @@ def find_lines_of(root: Path, language: str, *, without: Path | None = None) -> 
         language: BCP-47 tag.
         without: a folder that is left out.
     """
-    groups: dict[tuple[str, str, str], list[Path]] = defaultdict(list)
+    groups: Groups = defaultdict(list)
     for file in files_below(root, root, without):
         name = composed(file.relative_to(root).with_suffix("").as_posix())
-        groups[find_tag(language) or language, "", name].append(file)
+        groups[find_tag(language) or language, "", name].append(str(file))
     return lines_of_files(groups)
 
 
@@ -192,31 +209,36 @@ def _places_below(
     if hidden or (without is not None and folder.is_relative_to(without)):
         return
     below = walk(str(folder), without="" if without is None else str(without))
-    wanted = (found for found in below if os.path.splitext(found[1])[1].lower() in _SUFFIXES)
+    wanted = (found for found in below if splitext(found[1])[1].lower() in _SUFFIXES)
     for place, found in groupby(wanted, key=itemgetter(0)):
         yield Path(place), [name for _, name in found]
 
 
-def lines_of_files(groups: Mapping[tuple[str, str, str], list[Path]]) -> tuple[Line, ...]:
-    """The lines that files are about, sorted by key.
-
-    Args:
-        groups: (language, character, id) → files.
-    """
-    lines = (_line(*key, files) for key, files in groups.items())
-    return tuple(sorted((line for line in lines if line is not None), key=attrgetter("key")))
+Groups = dict[tuple[str, str, str], list[str]]
+"""(language, character, id) → files."""
 
 
-def _line(language: str, character: str, name: str, files: list[Path]) -> Line | None:
+def lines_of_files(groups: Groups) -> tuple[Line, ...]:
+    """The lines that files are about, sorted by key; the groups are used up."""
+    lines = []
+    while groups:
+        key, files = groups.popitem()
+        line = _line(*key, files)
+        lines += [line] if line is not None else []
+    lines.sort(key=attrgetter("key"))
+    return tuple(lines)
+
+
+def _line(language: str, character: str, name: str, files: list[str]) -> Line | None:
     """The line that `files` are about; None if they are about something else."""
-    suffixes = [os.path.splitext(file)[1].lower() for file in files]
+    suffixes = [splitext(file)[1].lower() for file in files]
     if all(suffix in ABOUT_SUFFIXES for suffix in suffixes):
         return None
-    kinds: dict[str, list[Path]] = defaultdict(list)
+    kinds: dict[str, list[str]] = defaultdict(list)
     for file, suffix in zip(files, suffixes, strict=True):
-        kinds[_KINDS.get(suffix) or kind_of(file)].append(file)
+        kinds[_KINDS.get(suffix) or kind_of(Path(file))].append(file)
     # A film beside a recording is what the line looks like, not a second recording.
-    sounds = [file for file in kinds["audio"] if file.suffix.lower() not in FILM_SUFFIXES]
+    sounds = [file for file in kinds["audio"] if not file.lower().endswith(FILM_SUFFIXES)]
     audio, texts = sounds or kinds["audio"], kinds["text"]
     # Mouth shapes cannot be used; where there is nothing else, whoever reads them says so.
     timings = kinds["timings"] or kinds["mouth shapes"][:1]
@@ -224,7 +246,8 @@ def _line(language: str, character: str, name: str, files: list[Path]) -> Line |
     named = (("recordings", audio), ("transcripts", texts), ("files of timings", timings))
     for kind, found in named:
         if len(found) > 1:
-            message = f"has {len(found)} {kind}: {', '.join(shown(file.name) for file in found)}"
+            names = ", ".join(shown(basename(file)) for file in found)
+            message = f"has {len(found)} {kind}: {names}"
             action = "Keep one of them."
             findings.append(Finding(Severity.ERROR, "line-duplicate", message, action=action))
     if shown(name) != name:
@@ -239,8 +262,8 @@ def _line(language: str, character: str, name: str, files: list[Path]) -> Line |
         shown(name),
         shown(language),
         character,
-        audio[0] if audio else files[0].with_suffix(".wav"),
-        texts[0] if texts else files[0].with_suffix(".txt"),
+        audio[0] if audio else f"{splitext(files[0])[0]}.wav",
+        texts[0] if texts else f"{splitext(files[0])[0]}.txt",
         timings[0] if timings else None,
         tuple(findings),
     )

@@ -102,7 +102,7 @@ def exit_code_of(findings: Iterable[Finding], fail_on: Severity) -> int:
     return 1 if bad else 0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class LineResult:
     """How one line of one character ended.
 
@@ -170,6 +170,8 @@ class RunReport:
     @property
     def audio_s(self) -> float:
         """Seconds of audio, each recording once, however many characters speak it."""
+        if len({line.character for line in self.lines}) < 2:  # no line is there twice
+            return sum(line.audio_s for line in self.lines)
         return sum({line.line: line.audio_s for line in self.lines}.values())
 
     @property

@@ -150,7 +150,7 @@ def _common_folder(lines: Sequence[Line]) -> Path | None:
 
 def _surplus(folder: Path, lines: Sequence[Line], without: Path | None) -> Iterator[Finding]:
     """A warning for each folder with recordings that no list has."""
-    stems = {os.path.splitext(os.path.abspath(line.audio))[0] for line in lines}
+    stems = {os.path.splitext(os.path.abspath(line.audio_file))[0] for line in lines}
     idle: dict[Path, list[str]] = defaultdict(list)
     for file in files_below(folder, folder, without):
         stem, suffix = os.path.splitext(os.path.abspath(file))

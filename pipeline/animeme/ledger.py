@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -34,6 +34,30 @@ from animeme.tasks import (
 )
 
 
+class LineCurves:
+    """Target → key and digest of each line's curves: 68 bytes each, there may be millions.
+
+    Args:
+        count: how many lines there are.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._packed = [b""] * count
+
+    def put(self, number: int, curves: Iterable[tuple[int, str, str]]) -> None:
+        """Take in those of a line: (target, key, digest) each."""
+        self._packed[number] = b"".join(
+            target.to_bytes(4, "big") + bytes.fromhex(key) + bytes.fromhex(digest)
+            for target, key, digest in curves
+        )
+
+    def of(self, number: int) -> dict[int, tuple[str, str]]:
+        """Target → key and digest."""
+        packed = self._packed[number]
+        rows = (packed[start : start + 68] for start in range(0, len(packed), 68))
+        return {int.from_bytes(row[:4], "big"): (row[4:36].hex(), row[36:].hex()) for row in rows}
+
+
 @dataclass
 class Ledger:
     """The running record of a run.
@@ -41,13 +65,13 @@ class Ledger:
     Attributes:
         plan: what is being done.
         log: ``run.jsonl``, flushed with every event.
-        audio_s: number of each line that was read → its length in seconds.
+        audio_s: of each line, by its number: its length in seconds, None until it has ended.
         spoken: numbers of the lines that were spoken for want of a recording.
-        findings: number of each line → its findings.
+        findings: number of each line → its findings, where there are any.
         general: findings that concern no single line.
-        outputs: number of each line, character → files that hold it.
-        written: every asset file that is there as this run would write it.
-        curves: number of each line → target → key and digest of its curves.
+        outputs: of each line: (character, file that holds it), from the output folder.
+        written: every asset file that is there as this run would write it, likewise.
+        curves: of each line.
         known_lines, known_files: how many an earlier run had done.
         files: how many files there are to write.
         step_s: step → CPU seconds over all workers.
@@ -56,13 +80,10 @@ class Ledger:
 
     plan: Plan
     log: TextIO
-    audio_s: dict[int, float] = field(default_factory=dict)
     spoken: set[int] = field(default_factory=set)
     findings: dict[int, list[Finding]] = field(default_factory=lambda: defaultdict(list))
     general: list[Finding] = field(default_factory=list)
-    outputs: dict[tuple[int, str], set[str]] = field(default_factory=lambda: defaultdict(set))
     written: set[str] = field(default_factory=set)
-    curves: dict[int, dict[int, tuple[str, str]]] = field(default_factory=dict)
     known_lines: int = 0
     known_files: int = 0
     files: int = 0
@@ -71,21 +92,27 @@ class Ledger:
     _failed: set[int] = field(default_factory=set)
     _lost: dict[str, list[Finding]] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        count = len(self.plan.lines)
+        self.audio_s: list[float | None] = [None] * count
+        self.outputs: list[tuple[tuple[str, str], ...]] = [()] * count
+        self.curves = LineCurves(count)
+
     def record(self, event: str, **data: Any) -> None:
         """Write one event to the log."""
         self.log.write(_event(event, data))
         self.log.flush()
 
-    def take_up(self, outcomes: Mapping[int, LineOutcome], how: str = "known") -> None:
-        """Take in lines, by number, that an earlier run did as this one would.
+    def take_up(self, outcomes: Iterable[tuple[int, LineOutcome]], how: str = "known") -> None:
+        """Take in lines that an earlier run did as this one would.
 
         Args:
-            outcomes: what became of them.
+            outcomes: number of each, and what became of it.
             how: "known", or "outdated" if their inputs have changed since.
         """
-        self.known_lines += len(outcomes)
         at = _now()
-        for number, outcome in outcomes.items():
+        for number, outcome in outcomes:
+            self.known_lines += 1
             self._end(number, outcome)
             key, status = self.plan.lines[number].key, self._status(number)
             self.log.write(
@@ -101,7 +128,7 @@ class Ledger:
         self._failed.discard(item.number)
         steps: dict[str, Any] = {}
         if outcome is None:
-            fault = fault_of(result, str(item.line.audio))
+            fault = fault_of(result, item.line.audio_file)
             self._add(item.number, [replace(fault, line=item.line.key)])
         else:
             self._end(item.number, outcome)
@@ -121,7 +148,7 @@ class Ledger:
 
     def _end(self, number: int, outcome: LineOutcome) -> None:
         self.audio_s[number] = outcome.audio_s
-        self.curves[number] = {target: (key, digest) for target, key, digest in outcome.curves}
+        self.curves.put(number, outcome.curves)
         if outcome.spoken:
             self.spoken.add(number)
         if outcome.findings:
@@ -157,20 +184,21 @@ class Ledger:
         self, item: AssetItem, outputs: Sequence[Path], findings: Sequence[Finding]
     ) -> None:
         character = self.plan.targets[item.target].character
-        paths = [*map(str, outputs)]
+        paths = [*map(self._relative, outputs)]
+        self.written.update(paths)
+        held = tuple((character, path) for path in paths)
         for number, name, *_ in item.lines:
             if findings:
                 line = self.plan.lines[number].key
                 own = (finding for finding in findings if finding.line in ("", name))
                 self._add(number, (replace(f, line=line, character=character) for f in own))
-            self.outputs[number, character].update(paths)
-        self.written.update(paths)
+            self.outputs[number] += held
 
     def take_up_assembly(self, item: AssemblyItem, outcome: AssetOutcome) -> None:
         """Take in a file that joins languages and was there already."""
         self.known_files += 1
         self.general += outcome.findings
-        self.written.update(map(str, outcome.outputs))
+        self.written.update(map(self._relative, outcome.outputs))
         self.record("assembly", output=self._relative(item.output), outcome="known")
 
     def end_assembly(self, item: AssemblyItem, result: Result) -> None:
@@ -181,29 +209,31 @@ class Ledger:
         self.step_s["write"] += result.cpu_s
         # Its lines are in the languages' own files: what is wrong here fails none of them.
         self.general += [replace(finding, character=character) for finding in findings]
-        self.written.update(map(str, outcome.outputs if outcome else ()))
+        self.written.update(map(self._relative, outcome.outputs if outcome else ()))
         self.record("assembly", output=self._relative(item.output), **_effort(result))
 
-    def good(self, character: str) -> dict[int, float]:
-        """Lines that have curves for a character, with their length in seconds."""
+    def good(self, character: str) -> Iterator[tuple[int, float]]:
+        """Number and length in seconds of each line that has curves for a character, in order."""
         bad = {
             number
             for number, findings in self.findings.items()
             for finding in findings
             if finding.severity == Severity.ERROR and finding.character in ("", character)
         }
-        return {
-            number: length_s
-            for number, length_s in self.audio_s.items()
-            if length_s and number not in bad
-        }
+        for number, length_s in enumerate(self.audio_s):
+            if length_s and number not in bad:
+                yield number, length_s
 
     def fresh(self) -> set[str]:
-        """Every file that is there as this run would write it, alignments included."""
+        """Every file that is there as this run would write it, from the output folder."""
         output, lines = self.plan.job.output, self.plan.lines
-        good = {number for number, length_s in self.audio_s.items() if length_s} - self._failed
-        fresh = self.written | {alignment_file(output, lines[number]) for number in good}
-        return fresh | {speech_file(output, lines[number]) for number in self.spoken - self._failed}
+        good = (n for n, length_s in enumerate(self.audio_s) if length_s and n not in self._failed)
+        fresh = {self._relative(alignment_file(output, lines[number])) for number in good}
+        fresh.update(
+            self._relative(speech_file(output, lines[n])) for n in self.spoken - self._failed
+        )
+        fresh |= self.written
+        return fresh
 
     @property
     def failed(self) -> int:
@@ -228,14 +258,15 @@ class Ledger:
             for number, line in enumerate(self.plan.lines)
             for character in self.plan.characters_of(line)
         ]
+        lines.sort(key=lambda r: (r.character, r.language, r.line))
         return RunReport(
             self.plan.job.name,
-            tuple(sorted(lines, key=lambda r: (r.character, r.language, r.line))),
+            tuple(lines),
             tuple(sorted(self.general, key=lambda f: (-f.severity, f.character, f.code, f.place))),
-            tuple(sorted(self._relative(path) for path in self.written)),
+            tuple(sorted(self.written)),
             fail_on,
             effort=Effort(
-                len(self.audio_s),
+                len(self.audio_s) - self.audio_s.count(None),
                 self.files,
                 self.known_lines,
                 self.known_files,
@@ -245,12 +276,10 @@ class Ledger:
         )
 
     def _line_result(self, number: int, line: Line, character: str) -> LineResult:
-        key = line.key
-        outputs = self.outputs.get((number, character), ())
-        paths = tuple(sorted(self._relative(path) for path in outputs))
+        key, seconds = line.key, self.audio_s[number] or 0.0
+        paths = tuple(sorted(path for who, path in self.outputs[number] if who == character))
         own, lost = self.findings.get(number, ()), self._lost.get(character, ())
         if not own and not lost:
-            seconds = self.audio_s.get(number, 0.0)
             return LineResult(key, line.language, character, seconds, "ok", (), paths)
         findings = [f for f in own if f.character in ("", character)]
         # An asset that could not be loaded fails every line of its character.
@@ -263,7 +292,7 @@ class Ledger:
             key,
             line.language,
             character,
-            self.audio_s.get(number, 0.0),
+            seconds,
             status_of(distinct),
             tuple(sorted(distinct, key=lambda f: (-f.severity, f.code, f.place, f.message))),
             paths,

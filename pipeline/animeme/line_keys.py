@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from os.path import basename
 from pathlib import Path
@@ -52,7 +53,6 @@ class Keyring:
         self.targets = tuple(targets)
         self._delivers = deliver
         self._lexicon = LexiconParts(memory, job.aligner, job.lexicon)
-        self._keys: dict[int, str] = {}
         self._codes: dict[str, str] = {}
         self._common: dict[str, Parts] = {}
         self._models: list[str] = []
@@ -156,7 +156,7 @@ class Keyring:
                 model, rig = self.context.prefixes[index]
                 own = self.targets[index].model is not None  # whose its remarks are
                 content += [model if self._drawn(line, index) is None else "", rig, str(own)]
-            self._keys[number] = key_of("line", content)
+            keys = replace(keys, end=key_of("line", content))
         return LineItem(line, targets, spool, number, keys, stamps)
 
     def _drawn(self, line: Line, target: int) -> Path | None:

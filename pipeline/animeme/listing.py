@@ -113,13 +113,13 @@ class Listing:
             or file.suffix.lower() not in AUDIO_SUFFIXES
             or (file.suffix.lower() in FILM_SUFFIXES and audio.suffix.lower() not in FILM_SUFFIXES)
         ]
-        made = lines_of_files({(row.language, row.character, row.id): kept})
+        made = lines_of_files({(row.language, row.character, row.id): [*map(str, kept)]})
         line = made[0] if made else Line(
-            row.id, row.language, row.character, audio, audio.with_suffix(".txt")
+            row.id, row.language, row.character, str(audio), str(audio.with_suffix(".txt"))
         )  # fmt: skip
-        if text == "" and (line.transcript.is_file() or line.timings is not None):
+        if text == "" and (line.transcript.is_file() or line.timings_file is not None):
             text = None
-        return replace(line, audio=audio, text=text, origin=row.place)
+        return replace(line, audio_file=str(audio), text=text, origin=row.place)
 
     def _recording(self, row: Row, bases: Sequence[Path], mine: bool) -> Path | None:
         """The recording of a row, whose path is its own or that of several languages."""
@@ -213,7 +213,7 @@ def _once(same: Sequence[Line]) -> Line:
     """One line of those that are listed under one key."""
     if len(same) == 1:
         return same[0]
-    alike = len({(line.audio, line.text) for line in same}) == 1
+    alike = len({(line.audio_file, line.text) for line in same}) == 1
     places = ", ".join(line.origin for line in same[:5])
     message = f"is listed {len(same)} times: at {places}"
     severity = Severity.WARNING if alike else Severity.ERROR
@@ -224,12 +224,13 @@ def _once(same: Sequence[Line]) -> Line:
 def _shared(lines: Iterator[Line]) -> Iterator[Line]:
     """The lines; a warning for each whose recording another line has too."""
     kept = list(lines)
-    owners: Mapping[Path, list[Line]] = defaultdict(list)
+    owners: Mapping[str, list[Line]] = defaultdict(list)
     for line in kept:
-        owners[line.audio].append(line)
+        owners[line.audio_file].append(line)
     for line in kept:
         # Several characters may say one line together.
-        others = [o for o in owners[line.audio] if (o.language, o.id) != (line.language, line.id)]
+        same = owners[line.audio_file]
+        others = [o for o in same if (o.language, o.id) != (line.language, line.id)]
         if others and line.audio.is_file():
             names = ", ".join(other.key for other in others[:3])
             message = f"has the recording of {names} too"

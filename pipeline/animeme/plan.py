@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -58,45 +58,70 @@ class Plan:
 
     def spoken_lines(self) -> Iterator[tuple[int, Line, tuple[int, ...]]]:
         """Number, line and indices of targets of each line that has an asset to speak it."""
-        of: dict[str, list[int]] = defaultdict(list)
-        for index, target in enumerate(self.targets):
-            of[target.character].append(index)
+        of: dict[tuple[str, ...], tuple[int, ...]] = {}
         for number, line in enumerate(self.lines):
-            targets = sorted(i for name in self.characters_of(line) for i in of.get(name, ()))
-            if targets:
-                yield number, line, tuple(targets)
+            names = self.characters_of(line)
+            if names not in of:
+                of[names] = tuple(i for i, t in enumerate(self.targets) if t.character in names)
+            if of[names]:
+                yield number, line, of[names]
 
     def asset_items(
         self,
-        good: Callable[[str], Mapping[int, float]],
-        curves: Mapping[int, Mapping[int, tuple[str, str]]],
+        good: Callable[[str], Iterable[tuple[int, float]]],
+        curves: Callable[[int], Mapping[int, tuple[str, str]]],
         spool: Path,
-    ) -> list[AssetItem]:
-        """One item per file to write.
+    ) -> Iterator[tuple[AssetItem, list[str]]]:
+        """One item per file to write, with the digests of its lines' curves.
 
         Args:
-            good: character → number of each line that has curves → its length in seconds.
+            good: character → number of each line that has curves, in order, and its length in
+                seconds.
             curves: number of a line → target → key and digest of its curves.
             spool: the run's spool folder.
         """
-        items: list[AssetItem] = []
         for index, target in enumerate(self.targets):
-            files: dict[tuple[str, Path], list[AssetLine]] = defaultdict(list)
-            for number, length_s in sorted(good(target.character).items()):
+            files: dict[tuple[str, Path], list[tuple[AssetLine, str]]] = defaultdict(list)
+            for number, length_s in good(target.character):
                 line = self.lines[number]
-                if target.character in self.characters_of(line) and index in curves[number]:
-                    file = (line.language, self.file_of(target, line))
-                    key, audio = curves[number][index][0], self._heard(line)
-                    files[file].append((number, line.id, length_s, key, audio))
-            items += [
-                AssetItem(
-                    index, language, tuple(lines), output, spool, self._exports(target, lines)
-                )
-                for (language, output), lines in sorted(files.items())
-            ]
-        return items
+                if target.character not in self.characters_of(line):
+                    continue
+                key, digest = curves(number).get(index, ("", ""))
+                if key:
+                    file = line.language, self.file_of(target, line)
+                    asset_line = number, line.id, length_s, key, self._heard(line)
+                    files[file].append((asset_line, digest))
+                if files and target.layout != "per-character":  # no other line is in its file
+                    yield self._asset_item(index, *files.popitem(), spool)
+            for file, lines in sorted(files.items()):
+                yield self._asset_item(index, file, lines, spool)
 
-    def _exports(self, target: Target, lines: list[AssetLine]) -> tuple[tuple[int, str, Path], ...]:
+    def count_files(self, good: Callable[[str], Iterable[tuple[int, float]]]) -> int:
+        """How many items `asset_items` gives, were it to find curves for all that is good."""
+        count = 0
+        for target in self.targets:
+            lines = (self.lines[number] for number, _ in good(target.character))
+            own = (line for line in lines if target.character in self.characters_of(line))
+            if target.layout == "per-character":
+                count += len({line.language for line in own})
+            else:
+                count += sum(1 for _ in own)
+        return count
+
+    def _asset_item(
+        self,
+        index: int,
+        file: tuple[str, Path],
+        held: list[tuple[AssetLine, str]],
+        spool: Path,
+    ) -> tuple[AssetItem, list[str]]:
+        lines = tuple(line for line, _ in held)
+        exports = self._exports(self.targets[index], lines)
+        return AssetItem(index, file[0], lines, file[1], spool, exports), [sum_ for _, sum_ in held]
+
+    def _exports(
+        self, target: Target, lines: Iterable[AssetLine]
+    ) -> tuple[tuple[int, str, Path], ...]:
         """(number of the line, kind, file) of each curve file that goes with an asset's file."""
         return tuple(
             (number, kind, path)
@@ -127,14 +152,12 @@ class Plan:
             for line in self._lines_of(target):
                 yield from self.curve_files_of(target, line)
 
-    def assembly_items(self, written: Collection[str], spool: Path) -> list[AssemblyItem]:
-        """One item per file that joins the languages of an asset, of those that were written."""
+    def assembly_items(self, written: Callable[[Path], bool], spool: Path) -> list[AssemblyItem]:
+        """One item per file that joins the languages of an asset, of those that were `written`."""
         items = []
         for index, target in enumerate(self.targets):
             path = self.assembly_path(target)
-            files = tuple(
-                entry for entry in self.language_files(target) if str(entry[1]) in written
-            )
+            files = tuple(entry for entry in self.language_files(target) if written(entry[1]))
             if path is not None and files:
                 package = self.package_path(target)
                 sounds = map(self._heard, self._lines_of(target)) if package else ()
@@ -185,7 +208,7 @@ class Plan:
 
     def _heard(self, line: Line) -> Path:
         """The line's recording, or what the run spoke in its place."""
-        recorded = os.path.exists(line.audio)
+        recorded = not self.job.speak or os.path.exists(line.audio_file)
         return line.audio if recorded else Path(speech_file(self.job.output, line))
 
     def file_of(self, target: Target, line: Line) -> Path:

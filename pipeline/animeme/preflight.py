@@ -125,9 +125,22 @@ def load_plugins(job: Job) -> None:
             registry.load_model(character.model.name, file=character.model.file)
     for group in (registry.LINE_CHECKS, registry.ASSET_CHECKS):
         registry.checks(group)
-    for group in (registry.STAGES, registry.REPORTS):
-        for plugin in registry.plugins(group).values():
-            plugin.load()
+    for name in _stages_of(job):
+        registry.stage(name)
+    for plugin in registry.plugins(registry.REPORTS).values():
+        plugin.load()
+
+
+def _stages_of(job: Job) -> Iterator[str]:
+    """Names of the steps that a run of the job may take."""
+    yield from ("read-speech", "read-transcript", "read-timings", "timings-kind")
+    yield from ("bind-rig", "retarget", "read-curves", "curve-files")
+    if job.speak:
+        yield from ("speak", "write-speech")
+    if job.curves.export:
+        yield "write-curves"
+    if any(character.usdz for character in job.characters):
+        yield "package-usdz"
 
 
 def dialogue_of(job: Job) -> tuple[tuple[Line, ...], tuple[Finding, ...]]:
@@ -325,7 +338,7 @@ def require_distinct_curve_files(plan: Plan) -> None:
         raise JobError(str(plan.job.source), problems)
 
 
-def _inputs(plan: Plan) -> Iterator[Path]:
+def _inputs(plan: Plan) -> Iterator[str | Path]:
     job = plan.job
     yield job.source
     yield from job.dialogue.files
@@ -333,12 +346,12 @@ def _inputs(plan: Plan) -> Iterator[Path]:
     yield from (job.folder / character.rig for character in job.characters)
     yield from (path for path in (job.lexicon, job.voices, *_model_files(job)) if path)
     for line in plan.lines:
-        yield from (line.audio, line.transcript)
-        yield from () if line.timings is None else (line.timings,)
+        yield from (line.audio_file, line.transcript_file)
+        yield from () if line.timings_file is None else (line.timings_file,)
         yield from (car.path for car in line.side_cars)
 
 
-def _below(output: str, paths: Iterable[Path]) -> set[str]:
+def _below(output: str, paths: Iterable[str | Path]) -> set[str]:
     """The files below a folder that paths mean; thousands of them in a few folders, each of which
     is looked at once.
     """
@@ -368,19 +381,26 @@ def _links(folder: str) -> frozenset[str]:
 
 
 def stale_outputs(plan: Plan, fresh: Collection[str]) -> Iterator[Finding]:
-    """A warning for each file of an earlier run that this one would have written, but did not."""
+    """A warning for each file of an earlier run that this one would have written, but did not.
+
+    Args:
+        plan: of the run.
+        fresh: what is there as this run would write it, from the output folder.
+    """
     output = str(plan.job.output)
+    start = len(output) + 1
     hidden: list[str] = []
-    left = {path for path in map("/".join, walk(output, hidden=hidden)) if path not in fresh}
+    found = (f"{folder}/{name}"[start:] for folder, name in walk(output, hidden=hidden))
+    left = {path for path in found if path not in fresh}
     sweep_hidden(plan.job.output, hidden)
-    left -= {os.path.join(output, name) for name in REPORT_NAMES}
+    left -= {*REPORT_NAMES}
     for path in map(str, plan.possible_files() if left else ()):
-        if path in left:
+        if path[start:] in left:
             yield Finding(
                 Severity.WARNING,
                 "output-stale",
                 "is from an earlier run: this one had nothing good to put in its place",
-                place=path[len(output) + 1 :],
+                place=path[start:],
                 action="Do not deliver it; mend its lines and run again, or delete it.",
             )
 

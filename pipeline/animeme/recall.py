@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from hashlib import sha256
 from itertools import islice
@@ -38,9 +38,8 @@ from animeme.tasks import (
 _TOUCH_AFTER_S = 12 * 3600.0
 # What is remembered of lines by their look changes with this number.
 _FORMAT = 1
-_AT_ONCE = 10_000
-# From so many lines on, all that is known of the dialogue's files is read at once.
-_MANY = 200
+# Lines that are looked up together: work on the first begins while others are looked at.
+_AT_ONCE = 500
 
 
 class Recall(Keyring):
@@ -67,27 +66,26 @@ class Recall(Keyring):
         self.dry = dry
         self.started_s = time.time()
         self._recent = Recent(memory, f"lines of {os.path.abspath(job.source)}")
-        self._hits: dict[int, LineOutcome] = {}
-        self._remembered: set[int] = set()
 
-    def keyed(
+    def looked_up(
         self, lines: Iterable[tuple[int, Line, tuple[int, ...]]], spool: Path
-    ) -> list[LineItem]:
-        """As `Keyring.keyed`; lines that look as they did in the last run are known by that."""
+    ) -> Iterator[list[tuple[LineItem, LineOutcome | None]]]:
+        """Items of work for lines, some at a time, each with its outcome if it needs no work.
+
+        A line that looks as it did in the last run is known by that; of others, what they are made
+        from is compared. What known lines deliver is put in place.
+        """
         self.context  # noqa: B018  which says what all lines' keys have in common
-        items: list[LineItem] = []
         left = iter(lines)
         while part := [*islice(left, _AT_ONCE)]:
-            rows = self._recent.rows(line.key for _, line, _ in part) if self._delivers else {}
+            if not self._delivers:
+                yield [(self._item(*entry, spool), None) for entry in part]
+                continue
+            rows = self._recent.rows([line.key for _, line, _ in part])
             taken = [self._taken(*entry, spool, rows.get(entry[1].key)) for entry in part]
-            if taken.count(None) > _MANY:
-                root = self.job.dialogue.root
-                self.memory.digests.load(*([root] if root else []), self.job.output)
-            items += [
-                self._item(*entry, spool) if item is None else item
-                for entry, item in zip(part, taken, strict=True)
-            ]
-        return items
+            changed = [entry for entry, known in zip(part, taken, strict=True) if known is None]
+            found = iter(self._compared(changed, spool) if changed else ())
+            yield [next(found) if known is None else known for known in taken]
 
     def _taken(
         self,
@@ -96,7 +94,7 @@ class Recall(Keyring):
         targets: tuple[int, ...],
         spool: Path,
         row: tuple[str, str] | None,
-    ) -> LineItem | None:
+    ) -> tuple[LineItem, LineOutcome] | None:
         """A line as it was in the last run, None if it may have changed."""
         if row is None or not row[0]:
             return None
@@ -107,55 +105,42 @@ class Recall(Keyring):
         if row[0] != look_of(self._look, line, targets, stamps):
             return None
         known = json.loads(row[1])
-        by_hand = tuple((speaker, text) for speaker, text in known["by_hand"])
-        item = LineItem(line, targets, spool, number, LineKeys(known["align"], by_hand), stamps)
         places = self._documents(line)
-        there = all(stamp(p) == s for p, s in zip(places, known["stamps"], strict=False))
-        self._keys[number] = known["key"]
-        outcome = self._outcome(item, known["noted"], known["stamps"]) if there else None
-        if outcome is None:
+        for place, there in zip(places, known["stamps"], strict=False):
+            if stamp(place) != there:
+                return None
+        by_hand = tuple((speaker, text) for speaker, text in known["by_hand"])
+        keys = LineKeys(known["align"], by_hand, known["key"])
+        item = LineItem(line, targets, spool, number, keys, stamps)
+        outcome = self._outcome(item, known["noted"], known["stamps"])
+        return None if outcome is None else (item, outcome)
+
+    def _compared(
+        self, entries: Sequence[tuple[int, Line, tuple[int, ...]]], spool: Path
+    ) -> Iterator[tuple[LineItem, LineOutcome | None]]:
+        """Lines with their outcomes by what they are made from."""
+        self.memory.digests.load(
+            path for _, line, _ in entries for path in (*files_of(line), *self._documents(line))
+        )
+        items = [self._item(*entry, spool) for entry in entries]
+        wanted = [f"line:{item.keys.end}" for item in items]
+        notes = self.memory.index.notes(dict.fromkeys(wanted))
+        for item, name in zip(items, wanted, strict=True):
+            noted = notes.get(name) if item.keys.end else None
+            yield item, self._outcome(item, json.loads(noted)) if noted else None
+
+    def previous(self, item: LineItem) -> LineOutcome | None:
+        """What was delivered last of a line, if all its targets can still have it."""
+        if not self._delivers:
             return None
-        self._hits[number] = outcome
-        self._remembered.add(number)  # as it is
-        return item
-
-    def known(self, items: Sequence[LineItem]) -> dict[int, LineOutcome]:
-        """Outcome of each line that needs no work; what it delivers is put in place."""
-        if not self._delivers:
-            return {}
-        outcomes = {}
-        for first in range(0, len(items), _AT_ONCE):
-            part = items[first : first + _AT_ONCE]
-            wanted = {
-                item.number: f"line:{self._keys[item.number]}"
-                for item in part
-                if item.number in self._keys and item.number not in self._hits
-            }
-            found = self.memory.index.notes(dict.fromkeys(wanted.values())) if wanted else {}
-            for item in part:
-                outcome = self._hits.pop(item.number, None)
-                noted = found.get(wanted.get(item.number, ""))
-                if outcome is None and noted:
-                    outcome = self._outcome(item, json.loads(noted))
-                if outcome is not None:
-                    outcomes[item.number] = outcome
-        return outcomes
-
-    def previous(self, items: Sequence[LineItem]) -> dict[int, LineOutcome]:
-        """What was delivered last of each line, if all its targets can still have it."""
-        if not self._delivers:
-            return {}
-        before = {item.number: self._recent.known(item.line.key).get("key", "") for item in items}
-        found = self.memory.index.notes(f"line:{key}" for key in before.values() if key)
-        outcomes = {}
-        for item in items:
-            key = before[item.number]
-            noted = json.loads(found.get(f"line:{key}", "{}"))
-            if noted and self._fits(item, noted):
-                outcome = self._as_it_was(item, noted, key)
-                if outcome and all(f.severity < Severity.ERROR for f in outcome.findings):
-                    outcomes[item.number] = outcome
-        return outcomes
+        key = self._recent.known(item.line.key).get("key", "")
+        text = self.memory.index.note(f"line:{key}") if key else None
+        noted = json.loads(text) if text else {}
+        if not noted or not self._fits(item, noted):
+            return None
+        outcome = self._as_it_was(item, noted, key)
+        good = outcome and all(f.severity < Severity.ERROR for f in outcome.findings)
+        return outcome if good else None
 
     def _as_it_was(self, item: LineItem, noted: Mapping[str, Any], key: str) -> LineOutcome | None:
         """How a line ended before it changed; it is not remembered as what it looks like now."""
@@ -232,7 +217,7 @@ class Recall(Keyring):
             if not all(self.memory.store.touch(key) for key in keys if key):
                 return None
             noted = {**noted, "used": self.started_s}
-            self._note(self._keys[item.number], noted)
+            self._note(item.keys.end, noted)
         there = stamps is not None
         if stamps is None:
             stamps = self._delivered(line, noted)
@@ -291,7 +276,7 @@ class Recall(Keyring):
         if not self._delivers or self.dry:
             return
         known = {
-            "key": self._keys[item.number],
+            "key": item.keys.end,
             "align": item.keys.align,
             "by_hand": item.keys.by_hand,
             "noted": noted,
@@ -300,17 +285,25 @@ class Recall(Keyring):
         seen = look_of(self._look, item.line, item.targets, item.stamps)
         documents = zip(self._documents(item.line), stamps, strict=False)
         self._recent.put(item.line.key, seen, known, (*item.stamps, *documents))
-        self._remembered.add(item.number)
 
-    def keep(self, item: LineItem, outcome: LineOutcome) -> None:
-        """Remember how a line ended, if that holds for the next run too."""
-        self.learn(outcome.delivered)
-        ours = any(f.ours and f.severity == Severity.ERROR for f in outcome.findings)
+    def keep(self, item: LineItem, outcome: LineOutcome | None) -> None:
+        """Remember how the work on a line ended, if that holds for the next run too.
+
+        Args:
+            item: the line.
+            outcome: None if the work on it crashed or hung.
+        """
         # Where nothing is delivered, nothing is known of the output folder.
-        if not outcome.final or not self._delivers or ours or item.number not in self._keys:
+        if not self._delivers:
+            return
+        if outcome is not None:
+            self.learn(outcome.delivered)
+        if outcome is None or not self._lasts(outcome) or not item.keys.end:
+            if item.keys.end:
+                self._recent.forget(item.line.key, {"key": item.keys.end})
             return
         causes = json.dumps(self._causes(item), separators=(",", ":"))
-        self.memory.index.set_note(f"causes:{self._keys[item.number]}", causes)
+        self.memory.index.set_note(f"causes:{item.keys.end}", causes)
         tokens = self._tokens(item)
         place = {self.targets[i].character: n for n, i in reversed([*enumerate(item.targets)])}
         rows: dict[int | None, list[Any]] = {}
@@ -328,8 +321,14 @@ class Recall(Keyring):
             "findings": [*rows.items()],
             "used": time.time(),
         }
-        self._note(self._keys[item.number], noted)
+        self._note(item.keys.end, noted)
         self._remember(item, noted, [file.stamp for file in outcome.delivered])
+
+    @staticmethod
+    def _lasts(outcome: LineOutcome) -> bool:
+        """Whether a line would end like this again."""
+        ours = any(f.ours and f.severity == Severity.ERROR for f in outcome.findings)
+        return outcome.final and not ours
 
     def _note(self, key: str, noted: Mapping[str, Any]) -> None:
         text = json.dumps(noted, ensure_ascii=False, separators=(",", ":"))
@@ -341,24 +340,13 @@ class Recall(Keyring):
             if file.stamp:
                 self.memory.digests.learn(os.path.abspath(file.path), file.stamp, file.digest)
 
-    def ran(self, items: Iterable[LineItem], without: Collection[int] = ()) -> None:
-        """Remember how lines ended by what they look like, for `why` and `previous` of later runs.
-
-        Args:
-            items: the lines.
-            without: numbers of those that are as an earlier run left them.
-        """
-        if not self._delivers:
-            return
+    def close(self) -> None:
+        """When all lines have ended: remember what they look like, for the next run."""
         self._recent.close()
-        for item in items:
-            done = item.number not in without and item.number not in self._remembered
-            if done and item.number in self._keys:
-                self._recent.forget(item.line.key, {"key": self._keys[item.number]})
 
     def why(self, item: LineItem) -> tuple[str, ...]:
         """What has changed of a line since the job was last run, in people's words."""
-        if item.number not in self._keys:
+        if not item.keys.end:
             return ("a file that cannot be read",)
         before = self._recent.known(item.line.key).get("key")
         noted = self.memory.index.note(f"causes:{before}") if before else None

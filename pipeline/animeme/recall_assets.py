@@ -19,8 +19,6 @@ from animeme.store.memory import Memory
 from animeme.tasks import AssemblyItem, AssetItem, AssetOutcome, Target
 
 _ENGINE = "animeme.writing"
-# From so many files on, all that is known of the output folder is read at once.
-_MANY = 200
 
 
 class AssetRecall:
@@ -115,8 +113,6 @@ class AssetRecall:
             outcomes.append(found)
             if found is None and key:
                 wanted.append(place)
-        if len(wanted) > _MANY:
-            self._memory.digests.load(self._output)
         notes = self._memory.index.notes(f"file:{keyed[place][0]}" for place in wanted)
         for place in wanted:
             key, item = keyed[place]

@@ -96,7 +96,7 @@ def look_of(common: str, line: Line, targets: Sequence[int], stamps: Iterable[An
         stamps: of its files, in any order.
     """
     values = [getattr(line, name) for name in _VALUES]
-    said = [value if isinstance(value, str) else canonical(value) for value in values]
+    said = [v if isinstance(v, str) else "\1" if v is None else canonical(v) for v in values]
     cars = [f"{car.kind} {car.character}" for car in line.side_cars]
     files = [f"{path}\0{stamped}" for path, stamped in sorted(set(stamps))]
     return "\0".join((common, line.key, str(targets), *said, *cars, *files))

@@ -148,16 +148,16 @@ def format_of(path: Path) -> Format:
     Raises:
         InputError: none does.
     """
-    formats = [format_named(name) for name in plugins(FORMATS)]
-    for candidate in formats:
+    suffixes: list[str] = []
+    for candidate in map(format_named, plugins(FORMATS)):  # those behind the right one stay unread
         if path.suffix.lower() in candidate.suffixes:
             return candidate
-    suffixes = sorted(suffix for candidate in formats for suffix in candidate.suffixes)
+        suffixes += candidate.suffixes
     raise InputError(
         "asset-format-unknown",
         f"no format takes '{path.suffix}' files",
         place=str(path),
-        action=f"Deliver the character as one of {', '.join(suffixes)}.",
+        action=f"Deliver the character as one of {', '.join(sorted(suffixes))}.",
     )
 
 

@@ -17,7 +17,6 @@ from animeme.runner import planned
 from animeme.scope import scope_of
 from animeme.selection import EVERYTHING, Selection
 from animeme.store.memory import Memory
-from animeme.tasks import AssetItem, LineItem
 
 
 @dataclass(frozen=True)
@@ -69,41 +68,46 @@ def rehearse(job: Job, memory: Memory, selection: Selection = EVERYTHING) -> Reh
     plan, _ = planned(job, memory)
     scope = scope_of(plan, selection)
     recall = Recall(memory, job, plan.targets, dry=True)
-    items = recall.keyed(scope.entries() if scope else plan.spoken_lines(), Path())
-    known = recall.known(items)
-    changed = [item for item in items if item.number not in known]
-    kept = recall.previous([i for i in changed if scope and i.number not in scope.asked])
-    stale = [i for i in changed if i.number not in kept and not recall.stored(i)]
-    outdated = {i.line.key: recall.why(i) for i in changed if i.number in kept}
-    known |= kept
+    ledger, files = Ledger(plan, io.StringIO()), AssetRecall(memory, job, plan.targets)
+    lines = 0
+    stale: dict[str, tuple[str, ...]] = {}
+    late: dict[str, tuple[str, ...]] = {}
+    every: set[Path] = set()
+    unwritten: set[Path] = set()
+    for part in recall.looked_up(scope.entries() if scope else plan.spoken_lines(), Path()):
+        for item, known in part:
+            lines += 1
+            own = {plan.file_of(plan.targets[index], item.line) for index in item.targets}
+            every |= own
+            outcome = known
+            if outcome is None and scope and item.number not in scope.asked:
+                outcome = recall.previous(item)
+                if outcome is not None:
+                    late[item.line.key] = recall.why(item)
+            if outcome is not None:
+                ledger.take_up([(item.number, outcome)])
+                continue
+            # A line that only others have done, its files are not known either.
+            unwritten |= own
+            if not recall.stored(item):
+                stale[item.line.key] = recall.why(item)
 
-    def files_of(item: LineItem) -> set[Path]:
-        files = {plan.file_of(plan.targets[index], item.line) for index in item.targets}
-        return files & scope.files if scope else files
-
-    every = set().union(*map(files_of, items))
-    # A line that only others have done, its files are not known either.
-    unwritten = set().union(*(files_of(item) for item in items if item.number not in known))
-    ledger = Ledger(plan, io.StringIO())
-    ledger.take_up(known)
-    files = AssetRecall(memory, job, plan.targets)
-
-    def key_of(item: AssetItem) -> str:
-        digests = [ledger.curves[line[0]][item.target][1] for line in item.lines]
-        return files.asset_key(item, digests)
-
-    assets = plan.asset_items(ledger.good, ledger.curves, Path())
+    assets = plan.asset_items(ledger.good, ledger.curves.of, Path())
+    keyed = [
+        (files.asset_key(asset, digests), asset)
+        for asset, digests in assets
+        if asset.output not in unwritten
+    ]
+    there = files.known(keyed)
+    unwritten |= {asset.output for (_, asset), old in zip(keyed, there, strict=True) if old is None}
     if scope is not None:
-        assets = [asset for asset in assets if asset.output in scope.files]
-    assets = [asset for asset in assets if asset.output not in unwritten]
-    there = files.known([(key_of(asset), asset) for asset in assets])
-    unwritten |= {a.output for a, found in zip(assets, there, strict=True) if found is None}
+        every, unwritten = every & scope.files, unwritten & scope.files
     start = len(str(job.output)) + 1
     return Rehearsal(
         job.name,
-        len(items),
-        {item.line.key: recall.why(item) for item in stale},
+        lines,
+        stale,
         len(every),
         tuple(sorted(str(path)[start:] for path in unwritten)),
-        outdated,
+        late,
     )

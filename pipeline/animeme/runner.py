@@ -7,12 +7,13 @@ import io
 import resource
 import tempfile
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from animeme import registry
 from animeme.errors import InputError
@@ -32,7 +33,7 @@ from animeme.preflight import (
 )
 from animeme.recall import Recall
 from animeme.recall_assets import AssetRecall
-from animeme.scope import Scope, added, outdated, scope_of
+from animeme.scope import Entry, Scope, added, outdated, scope_of
 from animeme.selection import EVERYTHING, Selection
 from animeme.spool import output_folder
 from animeme.store.memory import Memory
@@ -41,7 +42,6 @@ from animeme.tasks import (
     AssetItem,
     AssetOutcome,
     LineItem,
-    LineOutcome,
     make_line,
     save_context,
 )
@@ -56,6 +56,10 @@ RETRIES = 1
 # A result that is lost while a run uses it is made again; not for ever.
 MOST_ROUNDS = 3
 SAVE_EVERY_S = 5.0
+# Files that are looked up together; work on the first begins while others are looked at.
+FILES_AT_ONCE = 500
+
+_Item = TypeVar("_Item")
 
 
 @dataclass(frozen=True)
@@ -166,7 +170,7 @@ def run_shard(
         work = _Work(ledger, executor, listener, Path(spool), recall, scope)
         work.do_lines(shard)
         report = ledger.report(fail_on)
-    mine = {item.line.key for item in work.items}
+        mine = {line.key for _, line, _ in work.entries(shard)}
     return replace(
         report,
         lines=tuple(line for line in report.lines if line.line in mine),
@@ -235,7 +239,6 @@ class _Work:
         spool: the run's spool folder.
         recall: knows what need not be done.
         scope: what the run is about, None for everything.
-        items: the work on lines.
         remarks: line → what the scope makes of it.
     """
 
@@ -245,84 +248,113 @@ class _Work:
     spool: Path
     recall: Recall
     scope: Scope | None = None
-    items: list[LineItem] = field(default_factory=list)
     remarks: dict[str, Finding] = field(default_factory=dict)
+    _saved: float = field(default_factory=time.monotonic)
+
+    def __post_init__(self) -> None:
+        self._lines, self._files = _Counts("lines", self), _Counts("assets", self)
 
     @cached_property
     def files(self) -> AssetRecall:
         """Knows which files need not be written."""
         return AssetRecall(self.recall.memory, self.ledger.plan.job, self.ledger.plan.targets)
 
-    def do_lines(self, shard: Shard | None = None) -> None:
-        """Have curves made for each line, of a shard or of all, but for those that have them."""
-        save_context(self.recall.context, self.spool)
+    def entries(self, shard: Shard | None = None) -> Iterator[Entry]:
+        """The lines that the run is about, of a shard or all, with their targets."""
         lines = self.ledger.plan.spoken_lines()
         if self.scope is not None:
             lines = self.scope.entries(asked=shard is not None)
-        mine = (entry for entry in lines if shard is None or shard.has(entry[1].key))
-        self.items = self.recall.keyed(mine, self.spool)
-        known = self.recall.known(self.items)
-        self.ledger.take_up(known)
-        kept = self._kept([item for item in self.items if item.number not in known])
-        known |= kept
-        stale = [item for item in self.items if item.number not in known]
-        self._tell("lines", len(known), len(self.items), len(known))
-        for done, _ in enumerate(self._make(stale), 1):
-            self._tell("lines", len(known) + done, len(self.items), len(known))
-        self.recall.ran(self.items, without=kept)
+        return (entry for entry in lines if shard is None or shard.has(entry[1].key))
 
-    def _kept(self, items: Sequence[LineItem]) -> dict[int, LineOutcome]:
-        """Lines that nobody asked for, as they were delivered last."""
-        if self.scope is None:
-            return {}
-        others = [item for item in items if item.number not in self.scope.asked]
-        kept = self.recall.previous(others)
-        self.ledger.take_up(kept, "outdated")
-        for item in others:
-            old = item.number in kept
-            self.remarks[item.line.key] = outdated(self.recall.why(item)) if old else added()
-        return kept
+    def do_lines(self, shard: Shard | None = None) -> None:
+        """Have curves made for each line, of a shard or of all, but for those that have them."""
+        save_context(self.recall.context, self.spool)
+        counts = self._lines
+        counts.total = sum(1 for _ in self.entries(shard))
+        counts.tell()
+        for _ in self._make(self._stale(self.entries(shard))):
+            counts.done += 1
+            counts.tell()
+        self.recall.close()
 
-    def _make(self, items: Sequence[LineItem]) -> Iterator[None]:
-        saved = time.monotonic()
-        for result in self._run(make_line, items, LINE_TIMEOUT_S):
-            item = items[result.index]
+    def _stale(self, lines: Iterable[Entry]) -> Iterator[LineItem]:
+        """The lines that have to be worked on; the others are taken up on the way."""
+        for part in self.recall.looked_up(lines, self.spool):
+            known = [(item.number, outcome) for item, outcome in part if outcome is not None]
+            self.ledger.take_up(known)
+            self._lines.take_up(len(known))
+            for item, outcome in part:
+                if outcome is None and not self._kept(item):
+                    yield item
+            self._save()
+
+    def _kept(self, item: LineItem) -> bool:
+        """Whether nobody asked for a line that has changed, and it can stay as it is."""
+        if self.scope is None or item.number in self.scope.asked:
+            return False
+        kept = self.recall.previous(item)
+        if kept is not None:
+            self.ledger.take_up([(item.number, kept)], "outdated")
+            self._lines.take_up(1)
+        why = added() if kept is None else outdated(self.recall.why(item))
+        self.remarks[item.line.key] = why
+        return kept is not None
+
+    def _make(self, items: Iterable[LineItem]) -> Iterator[None]:
+        under_way: dict[int, LineItem] = {}
+        for result in self._run(make_line, _noted(items, under_way), LINE_TIMEOUT_S):
+            item = under_way.pop(result.index)
             self.ledger.end_line(item, result)
-            if result.value is not None:
-                self.recall.keep(item, result.value)
-            if time.monotonic() - saved > SAVE_EVERY_S:
-                self.recall.memory.index.save()
-                saved = time.monotonic()
+            self.recall.keep(item, result.value)
+            self._save()
             yield
+
+    def _save(self) -> None:
+        """Have what is new in the index survive the run, now and then."""
+        if time.monotonic() - self._saved > SAVE_EVERY_S:
+            self.recall.memory.index.save()
+            self._saved = time.monotonic()
 
     def do_assets(self) -> None:
         """Have each file written that is not there as it would be."""
         ledger = self.ledger
-        items = ledger.plan.asset_items(ledger.good, ledger.curves, self.spool)
+        every = ledger.plan.asset_items(ledger.good, ledger.curves.of, self.spool)
+        self._files.total = ledger.plan.count_files(ledger.good)
         if self.scope is not None:
-            items = [item for item in items if item.output in self.scope.files]
-        ledger.files += len(items)
-        there = self.files.known([(self._key(item), item) for item in items])
-        pairs = [*zip(items, there, strict=True)]
-        ledger.take_up_assets((item, outcome) for item, outcome in pairs if outcome is not None)
-        waiting = [item for item, outcome in pairs if outcome is None]
-        known = len(items) - len(waiting)
-        self._tell("assets", known, len(items), known)
+            files = self.scope.files
+            every = (entry for entry in every if entry[0].output in files)
+            self._files.total = len(files)
+        waiting: Iterable[AssetItem] = self._unwritten(every)
         for turn in range(1, MOST_ROUNDS + 1):
             lost: set[int] = set()
             again: list[AssetItem] = []
-            for result in self._run(write_asset, waiting, ASSET_TIMEOUT_S):
-                item = waiting[result.index]
+            under_way: dict[int, AssetItem] = {}
+            for result in self._run(write_asset, _noted(waiting, under_way), ASSET_TIMEOUT_S):
+                item = under_way.pop(result.index)
                 if result.value is not None and result.value.lost and turn < MOST_ROUNDS:
                     lost.update(result.value.lost)
                     again.append(item)
                     continue
                 self._end_asset(item, result)
-                done = len(items) - len(waiting) + result.index + 1
-                self._tell("assets", done, len(items), known)
+                self._files.done += 1
+                self._files.tell()
+                self._save()
             if not again:
                 break
             waiting = self._mended(again, lost)
+
+    def _unwritten(self, every: Iterable[tuple[AssetItem, list[str]]]) -> Iterator[AssetItem]:
+        """The files that have to be written; the others are taken up on the way."""
+        left = iter(every)
+        while part := [*islice(left, FILES_AT_ONCE)]:
+            keyed = [(self.files.asset_key(item, digests), item) for item, digests in part]
+            known = self.files.known(keyed)
+            pairs = [*zip(part, known, strict=True)]
+            there = [(item, outcome) for (item, _), outcome in pairs if outcome is not None]
+            self.ledger.take_up_assets(there)
+            self.ledger.files += len(part)
+            self._files.take_up(len(there))
+            yield from (item for (item, _), outcome in pairs if outcome is None)
 
     def _end_asset(self, item: AssetItem, result: Result) -> None:
         outcome: AssetOutcome | None = result.value
@@ -331,23 +363,22 @@ class _Work:
             result = replace(result, outcome="error", value=None, error=gone)
         self.ledger.end_asset(item, result)
         if result.value is not None:
-            self.files.keep(self._key(item), item, result.value)
-
-    def _key(self, item: AssetItem) -> str:
-        curves = self.ledger.curves
-        return self.files.asset_key(item, [curves[line[0]][item.target][1] for line in item.lines])
+            curves = [self.ledger.curves.of(line[0])[item.target][1] for line in item.lines]
+            self.files.keep(self.files.asset_key(item, curves), item, result.value)
 
     def _mended(self, items: Sequence[AssetItem], lost: Collection[int]) -> list[AssetItem]:
         """The items, after the lines that are lost have been made again."""
         self.ledger.record("lost", lines=[self.ledger.plan.lines[n].key for n in sorted(lost)])
-        for _ in self._make([item for item in self.items if item.number in lost]):
+        entries = (entry for entry in self.entries() if entry[0] in lost)
+        for _ in self._make(self.recall.keyed(entries, self.spool)):
             pass
         again = []
         for item in items:
+            now = {number: self.ledger.curves.of(number) for number, *_ in item.lines}
             lines = tuple(
-                (number, name, length_s, self.ledger.curves[number][item.target][0], audio)
+                (number, name, length_s, now[number][item.target][0], audio)
                 for number, name, length_s, _, audio in item.lines
-                if item.target in self.ledger.curves.get(number, ())
+                if item.target in now[number]
             )
             left = {number for number, *_ in lines}
             exports = tuple(export for export in item.exports if export[0] in left)
@@ -356,7 +387,7 @@ class _Work:
 
     def join_languages(self) -> None:
         """Give each format the chance to join its languages in one file."""
-        items = self._assemblies(self.ledger.written)
+        items = self._assemblies()
         keys = [self.files.assembly_key(item) for item in items]
         self.ledger.files += len(items)
         waiting = []
@@ -373,24 +404,57 @@ class _Work:
                 self.files.keep(key, item, result.value)
         self.files.ran()
 
-    def _assemblies(self, written: Collection[str]) -> list[AssemblyItem]:
+    def _assemblies(self) -> list[AssemblyItem]:
         """The files that join languages, of those that were written or are there."""
-        plan, scope = self.ledger.plan, self.scope
-        if scope is None:
-            return plan.assembly_items(written, self.spool)
-        items = plan.assembly_items({*written, *map(str, scope.beside())}, self.spool)
-        return [item for item in items if item.target in scope.targets]
+        plan, scope, start = self.ledger.plan, self.scope, len(str(self.ledger.plan.job.output)) + 1
+        beside = frozenset() if scope is None else scope.beside()
+
+        def written(path: Path) -> bool:
+            return str(path)[start:] in self.ledger.written or path in beside
+
+        items = plan.assembly_items(written, self.spool)
+        return [item for item in items if scope is None or item.target in scope.targets]
 
     def _run(
-        self, function: Callable[..., Any], items: Sequence[Any], timeout_s: float
+        self, function: Callable[..., Any], items: Iterable[Any], timeout_s: float
     ) -> Iterator[Result]:
-        if not items:
-            return iter(())
         name = name_of(function)
         return self.executor.run(name, items, timeout_s=timeout_s, retries=RETRIES)
 
-    def _tell(self, stage: str, done: int, total: int, known: int) -> None:
-        self.listener(Progress(stage, done, total, self.ledger.failed, known))
+
+@dataclass
+class _Counts:
+    """How far a stage is.
+
+    Attributes:
+        stage: as of `Progress`.
+        work: whose stage it is.
+        done, total, known: as of `Progress`.
+    """
+
+    stage: str
+    work: _Work
+    done: int = 0
+    total: int = 0
+    known: int = 0
+
+    def take_up(self, known: int) -> None:
+        """Count what an earlier run had done."""
+        self.known += known
+        self.done += known
+        self.tell()
+
+    def tell(self) -> None:
+        """Tell the run's listener."""
+        failed = self.work.ledger.failed
+        self.work.listener(Progress(self.stage, self.done, self.total, failed, self.known))
+
+
+def _noted(items: Iterable[_Item], under_way: dict[int, _Item]) -> Iterator[_Item]:
+    """The items, each noted under its index for as long as it is being worked on."""
+    for index, item in enumerate(items):
+        under_way[index] = item
+        yield item
 
 
 def _changed_sources(digests: dict[Path, str | None], memory: Memory) -> Iterator[Finding]:

@@ -103,7 +103,7 @@ def time_line(line: Line, means: Means, *, speak: bool = False) -> Timed:
 
 def is_spoken(line: Line, speak: bool, recorded: bool) -> bool:
     """Whether a program speaks the line."""
-    return speak and line.timings is None and not recorded
+    return speak and line.timings_file is None and not recorded
 
 
 def is_passing(error: InputError) -> bool:
@@ -115,7 +115,7 @@ def is_passing(error: InputError) -> bool:
 
 def _transcript(line: Line) -> Callable[[], str] | None:
     """Reads the line's transcript; None where timings may do without."""
-    if line.timings is not None and not has_transcript(line):
+    if line.timings_file is not None and not has_transcript(line):
         return None
     return partial(transcript_of, line)
 
@@ -329,9 +329,9 @@ def places(line: Line, context: RunContext) -> dict[str, str]:
     files = {
         "lexicon": context.lexicon,
         "voice": voice_of(context.voices, line),
-        "audio": line.audio,
-        "text": line.transcript,
-        "timings": line.timings,
+        "audio": line.audio_file,
+        "text": line.transcript_file,
+        "timings": line.timings_file,
         "origin": line.origin or None,
         **{f"{car.kind} {car.character}": car.path for car in line.side_cars},
     }

@@ -94,20 +94,22 @@ class RunContext:
     watched: tuple[tuple[str, str], ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class LineKeys:
     """What the results of a line are found under.
 
     Attributes:
         align: the key of its alignment, "" if one of its files cannot be read.
         by_hand: (character, what its curves depend on besides that) where files by hand tell.
+        end: the key of how the line ends, "" as `align`.
     """
 
     align: str
     by_hand: tuple[tuple[str, str], ...] = ()
+    end: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class LineItem:
     """Work on one line: recording to shape curves.
 
@@ -128,7 +130,7 @@ class LineItem:
     stamps: tuple[tuple[str, str], ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Delivered:
     """A file that a run wrote: its digest, and its stamp as it was then."""
 
@@ -137,7 +139,7 @@ class Delivered:
     stamp: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class LineOutcome:
     """What became of a line.
 
@@ -193,7 +195,7 @@ AssetLine = tuple[int, str, float, str, Path]
 """Number of a line, name of its animation, length in seconds, key of its curves, recording."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class AssetItem:
     """Work on one file: curves of its lines into an asset.
 
@@ -235,7 +237,7 @@ class AssemblyItem:
     sounds: tuple[Path, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class AssetOutcome:
     """What became of a file.
 

@@ -60,6 +60,8 @@ class Translations:
         Returns:
             The lines, and a remark for each language whose texts belong to none of them.
         """
+        if not self.texts:
+            return tuple(lines), ()
         used: set[Text] = set()
         made = []
         for line in lines:

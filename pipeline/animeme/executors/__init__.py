@@ -51,7 +51,7 @@ class Executor(Protocol):
 
         Args:
             function: importable name, ``package.module:function``.
-            items: picklable arguments.
+            items: picklable arguments; drawn one by one, where an executor can work meanwhile.
             timeout_s: the longest one item may take; not every executor can enforce it.
             retries: how often an item whose process died or hung is tried again.
         """

@@ -17,6 +17,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import islice
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -26,6 +27,9 @@ from animeme.executors import Outcome, Result, call
 
 # A task is small; threads of numerical libraries would only fight over the cores.
 _SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+# How far ahead of the work tasks are drawn, and how many before children are looked after.
+_MOST_WAITING = 10_000
+_DRAWN_AT_ONCE = 50
 # The environment is the whole process's, and a Dask worker starts processes in several threads.
 _ENVIRONMENT = threading.Lock()
 
@@ -42,6 +46,25 @@ class _Task:
     index: int
     item: Any
     attempt: int = 1
+
+
+class _Tasks:
+    """What has to be done: drawn from where it comes from while children work.
+
+    Args:
+        items: of the tasks; what takes its time to give one does so beside the children.
+    """
+
+    def __init__(self, items: Iterable[Any]) -> None:
+        self._left = enumerate(items)
+        self.waiting: deque[_Task] = deque()
+        self.open = True
+
+    def draw(self, most: int) -> None:
+        """Have up to `most` more of them waiting."""
+        drawn = [_Task(index, item) for index, item in islice(self._left, most)]
+        self.waiting += drawn
+        self.open = len(drawn) == most
 
 
 class _Child:
@@ -123,9 +146,8 @@ class LocalExecutor:
         self, function: str, items: Iterable[Any], *, timeout_s: float, retries: int
     ) -> Iterator[Result]:
         """Yield results as they come; see `animeme.executors.Executor`."""
-        waiting = deque(_Task(index, item) for index, item in enumerate(items))
         try:
-            yield from self._results(function, waiting, timeout_s, retries)
+            yield from self._results(function, _Tasks(items), timeout_s, retries)
         except BaseException:
             for child in self._children:
                 child.kill()
@@ -136,11 +158,15 @@ class LocalExecutor:
                 self._end()
 
     def _results(
-        self, function: str, waiting: deque[_Task], timeout_s: float, retries: int
+        self, function: str, tasks: _Tasks, timeout_s: float, retries: int
     ) -> Iterator[Result]:
-        children = self._children
-        while not self._stopped.is_set() and (waiting or any(child.task for child in children)):
+        children, waiting = self._children, tasks.waiting
+        while not self._stopped.is_set():
             busy = sum(child.task is not None for child in children)
+            if tasks.open and not waiting and busy < self.workers:
+                tasks.draw(1)  # the first child starts while the next is looked for
+            if not waiting and not busy:
+                return
             with _single_threaded(), uninterrupted():
                 while len(children) < min(self.workers, busy + len(waiting)):
                     children.append(_Child(multiprocessing.get_context("spawn")))
@@ -149,7 +175,11 @@ class LocalExecutor:
             for child in [child for child in children if child.task is None]:
                 if waiting and not _hand_over(child, function, waiting):
                     children.remove(child)
-            for child in _ready(children, timeout_s):
+            ahead = tasks.open and len(waiting) < _MOST_WAITING
+            ready = _ready(children, timeout_s, at_once=ahead)
+            if ahead and not ready:
+                tasks.draw(_DRAWN_AT_ONCE)
+            for child in ready:
                 task, result = child.task, _collect(child, timeout_s)
                 child.task = None
                 if self._stopped.is_set():
@@ -205,13 +235,14 @@ def _hand_over(child: _Child, function: str, waiting: deque[_Task]) -> bool:
     return True
 
 
-def _ready(children: list[_Child], timeout_s: float) -> list[_Child]:
-    """Children that answered, died, or ran out of time; waits for the first."""
+def _ready(children: list[_Child], timeout_s: float, *, at_once: bool) -> list[_Child]:
+    """Children that answered, died, or ran out of time; waits for the first if not `at_once`."""
     now = time.monotonic()
     busy = [child for child in children if child.task]
     patience = min((child.started + timeout_s - now for child in busy), default=0.0)
     handles: list[Any] = [handle for c in busy for handle in (c.pipe, c.process.sentinel)]
-    woken = wait(handles, timeout=max(patience, 0.0)) if handles else []
+    patience = 0.0 if at_once else max(patience, 0.0)
+    woken = wait(handles, timeout=patience) if handles else []
     now = time.monotonic()
     return [
         child

@@ -25,6 +25,8 @@ from animeme.store.index import Index
 
 # Parts of the engine that carry results about and make none.
 _CARRIERS = ("animeme.store", "animeme.executors", "animeme.cli", "animeme.registry")
+# Where statements have statements within them.
+_BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
 _SKIPPED = ("__pycache__", "node_modules")
 
 
@@ -163,15 +165,14 @@ def _imported_names(name: str, path: str) -> Iterator[str]:
 
 
 def _running(tree: ast.AST) -> Iterator[ast.AST]:
-    """The nodes of a module, but for what only type checkers see."""
+    """The statements of a module, but for what only type checkers see."""
     waiting: list[ast.AST] = [tree]
     while waiting:
         node = waiting.pop()
         yield node
         typing = isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
-        waiting += (
-            node.orelse if isinstance(node, ast.If) and typing else ast.iter_child_nodes(node)
-        )
+        for name in _BLOCKS[1:] if typing else _BLOCKS:
+            waiting += getattr(node, name, ())
 
 
 def _source_of(module: str) -> str | None:

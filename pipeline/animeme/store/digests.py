@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 from animeme.files import sha256, stamp
@@ -43,10 +44,9 @@ class Digests:
         """Every file is read, whatever it looks like."""
         return self._rehash
 
-    def load(self, *folders: Path) -> None:
-        """Have what is known of files below these folders at hand, in one query each."""
-        for folder in folders:
-            self._index.load_files(os.path.abspath(folder))
+    def load(self, paths: Iterable[str | Path]) -> None:
+        """Have what is known of these files at hand, in one query, until the next such call."""
+        self._index.load_files([os.path.join(self._folder, path) for path in paths])
 
     def of(self, path: str | Path) -> str | None:
         """Digest of a file: `ABSENT` if it is not there, None if it cannot be read."""

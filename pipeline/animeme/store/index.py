@@ -72,13 +72,14 @@ class Index:
         if self._database is not None:
             self._database.close()
 
-    def load_files(self, folder: str) -> None:
-        """Have all files below a folder at hand; `file` alone asks for one at a time."""
-        below = (folder.rstrip("/") + "/", folder.rstrip("/") + "0")  # "0" comes after "/"
-        rows = self._rows(
-            "SELECT path, stamp, digest FROM files WHERE path > ? AND path < ?", below
-        )
-        self._files.update((path, (stamp, digest)) for path, stamp, digest in rows)
+    def load_files(self, paths: Sequence[str]) -> None:
+        """Have these files at hand until the next such call; `file` alone asks one at a time."""
+        self._files = {}
+        for first in range(0, len(paths), _AT_ONCE):
+            part = paths[first : first + _AT_ONCE]
+            marks = ",".join("?" * len(part))
+            query = f"SELECT path, stamp, digest FROM files WHERE path IN ({marks})"
+            self._files.update((path, (seen, sum_)) for path, seen, sum_ in self._rows(query, part))
 
     def file(self, path: str) -> tuple[str, str] | None:
         """Stamp and digest of a file at an absolute path, as they were once."""
