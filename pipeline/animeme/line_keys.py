@@ -10,10 +10,9 @@ from os.path import basename
 from pathlib import Path
 
 from animeme import registry
-from animeme.dialogue import Line, voice_path
+from animeme.dialogue import Line, is_spoken, voice_path
 from animeme.job import Job
-from animeme.shaping import drawn
-from animeme.steps import is_spoken
+from animeme.side_cars import drawn
 from animeme.store.digests import ABSENT
 from animeme.store.keys import (
     CONTEXT,

@@ -12,8 +12,8 @@ from animeme import registry
 from animeme.files import stamp
 from animeme.findings import Severity
 from animeme.job import Job
+from animeme.packing import packed, unpacked
 from animeme.recent import Recent
-from animeme.steps import packed, unpacked
 from animeme.store.keys import canonical, key_of
 from animeme.store.memory import Memory
 from animeme.tasks import AssemblyItem, AssetItem, AssetOutcome, Target

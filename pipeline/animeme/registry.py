@@ -13,12 +13,14 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import Distribution, EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from animeme import documents
-from animeme.contracts import Aligner, Check, Format, Model
 from animeme.documents import suggestion
 from animeme.errors import InputError, PluginError
+
+if TYPE_CHECKING:
+    from animeme.contracts import Aligner, Check, Format, Model
 
 MODELS = "animeme.models"
 FORMATS = "animeme.formats"
