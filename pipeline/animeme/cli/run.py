@@ -13,6 +13,7 @@ from animeme.cli import options as shared
 from animeme.cli.running import MOST_SHOWN, Order, run_and_tell
 from animeme.executors.choice import Kind
 from animeme.runner import Shard
+from animeme.selection import Selection
 
 if TYPE_CHECKING:
     from animeme.rehearsal import Rehearsal
@@ -62,10 +63,7 @@ def command(
     rehash: bool,
     dry_run: bool,
     shard: str | None,
-    languages: tuple[str, ...],
-    characters: tuple[str, ...],
-    patterns: tuple[str, ...],
-    changed: tuple[Path, ...],
+    selection: Selection,
     as_json: bool,
 ) -> int:
     """Run JOB: align its dialogue, animate its characters, write and check the assets.
@@ -93,7 +91,7 @@ def command(
         fail_on,
         speak,
         False if no_cache else cache,
-        shared.selected(languages, characters, patterns, changed),
+        selection,
         as_json,
         rehash,
         shard,
