@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 import secrets
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from operator import attrgetter
 from pathlib import Path
@@ -76,13 +76,42 @@ def write_text(target: Path, text: str) -> None:
         scratch.write_text(text, encoding="utf-8", newline="\n")
 
 
-def update_text(target: Path, text: str) -> None:
-    """As `write_text`, but a file that says just that already is left alone."""
-    data = text.encode()
-    with suppress(OSError):
-        if target.stat().st_size == len(data) and target.read_bytes() == data:
-            return
-    write_bytes(target, data)
+def update_text(target: Path, parts: Iterable[str]) -> None:
+    """As `write_text`, part by part; a file that says just that already is left alone."""
+    blocks = _blocks(parts)
+    same, block = 0, b""
+    with suppress(OSError), target.open("rb") as old:
+        for block in blocks:
+            if old.read(len(block)) != block:
+                break
+            same += len(block)
+        else:
+            if not old.read(1):
+                return
+            block = b""
+    with atomic_path(target) as scratch, scratch.open("wb") as new:
+        if same:
+            with target.open("rb") as old:
+                for start in range(0, same, _BLOCK):
+                    new.write(old.read(min(_BLOCK, same - start)))
+        new.write(block)
+        new.writelines(blocks)
+
+
+_BLOCK = 1 << 20
+
+
+def _blocks(parts: Iterable[str]) -> Iterator[bytes]:
+    """The parts as UTF-8, some together."""
+    some: list[str] = []
+    size = 0
+    for part in parts:
+        some.append(part)
+        size += len(part)
+        if size >= _BLOCK:
+            yield "".join(some).encode()
+            some, size = [], 0
+    yield "".join(some).encode()
 
 
 _encoded = json.JSONEncoder(ensure_ascii=False).encode

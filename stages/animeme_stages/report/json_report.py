@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,8 @@ def write(report: RunReport, output: Path) -> Path:
         "outputs": map(said, report.outputs),
     }
     head = json.dumps(_head(report), ensure_ascii=False, indent=1).removesuffix("\n}")
-    update_text(path, f"{head}{''.join(as_rows(name, own) for name, own in rows.items())}\n}}\n")
+    members = chain.from_iterable(as_rows(name, own) for name, own in rows.items())
+    update_text(path, chain([head], members, ["\n}\n"]))
     return path
 
 
@@ -30,11 +32,14 @@ def write(report: RunReport, output: Path) -> Path:
 said = json.JSONEncoder(ensure_ascii=False).encode
 
 
-def as_rows(name: str, rows: Iterable[str]) -> str:
-    """A member of a document, one element (as JSON) to a text line."""
-    text = ",\n  ".join(rows)
-    content = f"\n  {text}\n " if text else ""
-    return f',\n "{name}": [{content}]'
+def as_rows(name: str, rows: Iterable[str]) -> Iterator[str]:
+    """A member of a document, in parts: one element (as JSON) to a text line."""
+    yield f',\n "{name}": ['
+    before, end = "\n  ", "]"
+    for row in rows:
+        yield before + row
+        before, end = ",\n  ", "\n ]"
+    yield end
 
 
 def _head(report: RunReport) -> dict[str, Any]:

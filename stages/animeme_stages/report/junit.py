@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape  # that of xml.sax would bring http and ssl
+from itertools import chain
 from pathlib import Path
 
 from animeme.ci import Case
@@ -49,38 +50,52 @@ def junit(
         name: of the whole.
         fail_on: findings from here on fail their case; lesser ones are its ``system-out``.
     """
-    suites: dict[str, list[Case]] = {}
+    suites: dict[str, _Suite] = {}
     for case in cases:
-        suites.setdefault(case.suite, []).append(case)
-    rows: list[str] = []
-    total = [0, 0, 0, 0]
-    for suite, inside in suites.items():
-        label = _attribute(suite)
-        counts = [len(inside), 0, 0, 0]
-        texts = []
-        used: dict[str, int] = {}
-        for case in inside:
-            used[case.name] = often = used.get(case.name, 0) + 1
-            title = _attribute(case.name if often == 1 else f"{case.name} ({often})")
-            kind, content = _content(case, fail_on) if case.findings or case.skipped else ("", "")
-            if kind:
-                counts[("failure", "error", "skipped").index(kind) + 1] += 1
-            head = f'  <testcase classname="{label}" name="{title}" time="0"'
-            texts.append(f"{head}>\n{content}  </testcase>" if content else f"{head} />")
-        rows.append(f' <testsuite name="{label}"{_counted(counts)}>')
-        rows += texts
-        rows.append(" </testsuite>")
-        total = [a + b for a, b in zip(total, counts, strict=True)]
-    text = "\n".join(
-        [
-            '<?xml version="1.0" encoding="UTF-8"?>',
-            f'<testsuites name="{_attribute(name)}"{_counted(total[:3])}>',
-            *rows,
-            "</testsuites>",
-            "",
-        ]
+        if case.suite not in suites:
+            suites[case.suite] = _Suite(_attribute(case.suite), fail_on)
+        suites[case.suite].add(case)
+    total = [sum(counts) for counts in zip(*(s.counts for s in suites.values()), strict=True)]
+    start = (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        f'<testsuites name="{_attribute(name)}"{_counted(total[:3] or [0, 0, 0])}>\n'
     )
-    update_text(target, text)
+    rows = chain.from_iterable(suite.rows() for suite in suites.values())
+    update_text(target, chain([start], rows, ["</testsuites>\n"]))
+
+
+class _Suite:
+    """The cases of one suite, as text: there may be as many as lines.
+
+    Args:
+        label: its name, as an attribute.
+        fail_on: as of `junit`.
+    """
+
+    def __init__(self, label: str, fail_on: Severity) -> None:
+        self.counts = [0, 0, 0, 0]
+        self._label = label
+        self._fail_on = fail_on
+        self._cases: list[str] = []
+        self._used: dict[str, int] = {}
+
+    def add(self, case: Case) -> None:
+        """Take in a case."""
+        self._used[case.name] = often = self._used.get(case.name, 0) + 1
+        title = _attribute(case.name if often == 1 else f"{case.name} ({often})")
+        shown = case.findings or case.skipped
+        kind, content = _content(case, self._fail_on) if shown else ("", "")
+        self.counts[0] += 1
+        if kind:
+            self.counts[("failure", "error", "skipped").index(kind) + 1] += 1
+        inside = f">\n{content}  </testcase>\n" if content else " />\n"
+        self._cases.append(f'name="{title}" time="0"{inside}')
+
+    def rows(self) -> Iterator[str]:
+        """The suite, in parts."""
+        yield f' <testsuite name="{self._label}"{_counted(self.counts)}>\n'
+        yield from (f'  <testcase classname="{self._label}" {case}' for case in self._cases)
+        yield " </testsuite>\n"
 
 
 def _counted(counts: Sequence[int]) -> str:

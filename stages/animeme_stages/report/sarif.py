@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -88,7 +89,7 @@ def sarif(
     head = json.dumps(run, ensure_ascii=False, indent=1).removesuffix("\n}")
     results = as_rows("results", (_result(f, indices[f.code]) for f in listed))
     start = f'{{\n "$schema": "{_SCHEMA}",\n "version": "2.1.0",\n "runs": ['
-    update_text(target, f"{start}{head}{results}\n}}]\n}}\n")
+    update_text(target, chain([start, head], results, ["\n}]\n}\n"]))
 
 
 def _rule(code: str, rule: Rule | None) -> dict[str, Any]:

@@ -18,7 +18,7 @@ MOST_OUTPUTS = 200
 def write(report: RunReport, output: Path) -> Path:
     """Write ``summary.md`` into the output folder and return its path."""
     path = output / "summary.md"
-    update_text(path, text(report))
+    update_text(path, [text(report)])
     return path
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from animeme.findings import LineResult, LineStatus
 
@@ -17,41 +17,16 @@ class Tally:
 
     Attributes:
         counts: status → how many.
-        heard_s: line → its length in seconds; one recording may be spoken by several characters.
+        audio_s: seconds of audio, each recording once, however many characters speak it.
     """
 
-    counts: dict[LineStatus, int]
-    heard_s: dict[str, float]
-
-    @classmethod
-    def of(cls, lines: Iterable[LineResult]) -> Tally:
-        """Count lines."""
-        listed = list(lines)
-        counts = Counter(line.status for line in listed)
-        return cls(
-            {status: counts[status] for status in STATUSES},
-            {line.line: line.audio_s for line in listed},
-        )
-
-    @classmethod
-    def sum(cls, parts: Iterable[Tally]) -> Tally:
-        """All of them together."""
-        counts: Counter[LineStatus] = Counter()
-        heard_s: dict[str, float] = {}
-        for part in parts:
-            counts.update(part.counts)
-            heard_s |= part.heard_s
-        return cls({status: counts[status] for status in STATUSES}, heard_s)
+    counts: dict[LineStatus, int] = field(default_factory=lambda: dict.fromkeys(STATUSES, 0))
+    audio_s: float = 0.0
 
     @property
     def lines(self) -> int:
         """How many there are."""
         return sum(self.counts.values())
-
-    @property
-    def audio_s(self) -> float:
-        """Seconds of audio, each recording once."""
-        return sum(self.heard_s.values())
 
 
 @dataclass
@@ -72,15 +47,22 @@ class Tallies:
 
 def tallies(lines: Iterable[LineResult]) -> Tallies:
     """Count lines."""
-    own: dict[tuple[str, str], list[LineResult]] = defaultdict(list)
+    everything = Tally()
+    languages: dict[str, Tally] = defaultdict(Tally)
+    characters: dict[str, Tally] = defaultdict(Tally)
+    groups: dict[tuple[str, str], Tally] = defaultdict(Tally)
+    heard: set[str] = set()
     for line in lines:
-        own[line.language, line.character].append(line)
-    groups = {key: Tally.of(own[key]) for key in sorted(own)}
-    languages, characters = (
-        {
-            name: Tally.sum(tally for key, tally in groups.items() if key[place] == name)
-            for name in sorted({key[place] for key in groups})
-        }
-        for place in (0, 1)
+        own = groups[line.language, line.character], characters[line.character]
+        shared = languages[line.language], everything
+        for tally in (*own, *shared):
+            tally.counts[line.status] += 1
+        for tally in own if line.line in heard else (*own, *shared):
+            tally.audio_s += line.audio_s
+        heard.add(line.line)
+    return Tallies(
+        everything,
+        dict(sorted(languages.items())),
+        dict(sorted(characters.items())),
+        dict(sorted(groups.items())),
     )
-    return Tallies(Tally.sum(groups.values()), languages, characters, groups)
