@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from animeme.documents import KINDS, VERSIONS, schema_text
+from animeme.documents import schema_text
+from animeme.documents.kinds import KINDS, VERSIONS
 
 FOLDER = Path(__file__).parent / "animeme_schemas"
 

@@ -71,7 +71,7 @@ def test_others_read_them_too(tmp_path: Path) -> None:
     assert header == ["time_s", *ARKIT]
     np.testing.assert_allclose(cells.astype(np.float64)[:, 1:], given.weights, atol=1e-7)
     document = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
-    documents.KINDS["curves"].model_validate(document)
+    documents.type_of("curves").model_validate(document)
     assert document["curves"]["jawOpen"] == given.curve("jawOpen").tolist()
     with np.load(tmp_path / "a.npz", allow_pickle=False) as data:
         assert data["names"].tolist() == list(ARKIT)

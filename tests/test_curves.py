@@ -140,7 +140,7 @@ def test_a_document_gives_back_every_bit(curves: CurveSet) -> None:
     assert read.names == curves.names
     assert read.times_s.tobytes() == curves.times_s.tobytes()
     assert read.weights.tobytes() == curves.weights.tobytes()
-    documents.KINDS["curves"].model_validate(json.loads(text))
+    documents.type_of("curves").model_validate(json.loads(text))
 
 
 def test_a_document_with_uneven_columns_is_refused_by_name() -> None:

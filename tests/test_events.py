@@ -180,9 +180,9 @@ def test_events_out_of_place_are_refused(found: tuple[Event, ...]) -> None:
 
 def test_documents_from_before_there_were_events_still_load() -> None:
     document = track(Event("a", 0.5, (0, 3))).to_document()
-    documents.KINDS["alignment"].model_validate(document)
+    documents.type_of("alignment").model_validate(document)
     del document["events"]
-    documents.KINDS["alignment"].model_validate(document)
+    documents.type_of("alignment").model_validate(document)
     assert PhoneTrack.from_document(document) == track()
 
 

@@ -22,6 +22,7 @@ NEEDLESS = {
     "animeme.aligning",
     "animeme.animating",
     "animeme.deliveries",
+    "animeme.documents.kinds",
     "animeme.rehearsal",
     "animeme.reviewing",
     "animeme.steps",

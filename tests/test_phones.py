@@ -221,7 +221,7 @@ def test_a_document_gives_back_the_track(drawn: tuple[list[Phone], float], langu
     document = json.loads(json.dumps(made.to_document(), allow_nan=False))
     assert PhoneTrack.from_document(document) == made
     assert document["duration_s"] == made.duration_s
-    documents.KINDS["alignment"].model_validate(document)
+    documents.type_of("alignment").model_validate(document)
 
 
 def test_a_document_with_a_gap_is_refused() -> None:

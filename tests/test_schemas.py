@@ -11,6 +11,7 @@ import pytest
 import animeme_schemas
 from animeme import documents
 from animeme.curves import CurveSet
+from animeme.documents.kinds import KINDS, VERSIONS
 from animeme.findings import RunReport
 from animeme.phones import PhoneTrack
 from conftest import SAMPLE
@@ -18,7 +19,7 @@ from conftest import SAMPLE
 FROZEN = Path(__file__).parent / "fixtures" / "documents"
 
 
-@pytest.mark.parametrize("kind", sorted(documents.KINDS))
+@pytest.mark.parametrize("kind", sorted(KINDS))
 def test_schema_files_are_current(kind: str) -> None:
     assert animeme_schemas.text(kind) == documents.schema_text(kind), "run `make schemas`"
 
@@ -26,7 +27,7 @@ def test_schema_files_are_current(kind: str) -> None:
 def test_every_kind_has_a_schema_and_a_frozen_fixture() -> None:
     versions = [
         (kind, number)
-        for kind, newest in sorted(documents.VERSIONS.items())
+        for kind, newest in sorted(VERSIONS.items())
         for number in range(1, newest + 1)
     ]
     assert animeme_schemas.kinds() == versions

@@ -10,7 +10,7 @@ from __future__ import annotations
 import difflib
 import json
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import replace
@@ -20,53 +20,8 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from animeme.documents.bigrams import BigramsDocument
-from animeme.documents.edits import EditsDocument
-from animeme.documents.job import JobDocument
-from animeme.documents.lines import (
-    AlignmentDocument,
-    CurvesDocument,
-    ManifestDocument,
-    ModelDocument,
-)
-from animeme.documents.marks import MarksDocument
-from animeme.documents.reports import (
-    AlignReportDocument,
-    CacheDocument,
-    DiffDocument,
-    RehearsalDocument,
-    ReportDocument,
-)
-from animeme.documents.rig import RigDocument
-from animeme.documents.validation import CheckProfileDocument, ValidationDocument
 from animeme.errors import InputError, Problem
 from animeme.places import Places
-
-KINDS: dict[str, type[BaseModel]] = {
-    "align-report": AlignReportDocument,
-    "alignment": AlignmentDocument,
-    "bigrams": BigramsDocument,
-    "cache": CacheDocument,
-    "check-profile": CheckProfileDocument,
-    "curves": CurvesDocument,
-    "diff": DiffDocument,
-    "edits": EditsDocument,
-    "job": JobDocument,
-    "manifest": ManifestDocument,
-    "marks": MarksDocument,
-    "model": ModelDocument,
-    "rehearsal": RehearsalDocument,
-    "report": ReportDocument,
-    "rig": RigDocument,
-    "validation": ValidationDocument,
-}
-VERSIONS = {**dict.fromkeys(KINDS, 1), "rig": 2}
-"""The version of each kind that is written now."""
-# (kind, version) → what makes a document of it one of the next version.
-_UPGRADES: dict[tuple[str, int], Callable[[dict[str, Any]], dict[str, Any]]] = {
-    ("rig", 1): lambda data: data,  # version 2 only added members
-}
-
 
 _read_files: ContextVar[list[Path] | None] = ContextVar("_read_files", default=None)
 
@@ -120,7 +75,7 @@ def read(kind: str, path: Path) -> dict[str, Any]:
     """Read and validate a document.
 
     Args:
-        kind: one of `KINDS`.
+        kind: one of `animeme.documents.kinds.KINDS`.
         path: a ``.json`` or ``.toml`` file.
 
     Returns:
@@ -130,13 +85,14 @@ def read(kind: str, path: Path) -> dict[str, Any]:
         InputError: missing, broken, of another kind or version, or with wrong members; all at once.
     """
     data = _upgraded(kind, path, parse_file(path))
+    document = type_of(kind)
     try:
-        return KINDS[kind].model_validate(data).model_dump(mode="json", by_alias=True)
+        return document.model_validate(data).model_dump(mode="json", by_alias=True)
     except ValidationError as error:
         places = Places(path)
         problems = "; ".join(
             str(replace(problem, path=places.of(problem.path)))
-            for problem in problems_of(error, KINDS[kind])
+            for problem in problems_of(error, document)
         )
         raise InputError(
             "document-invalid",
@@ -146,12 +102,21 @@ def read(kind: str, path: Path) -> dict[str, Any]:
         ) from error
 
 
+def type_of(kind: str) -> type[BaseModel]:
+    """The type of a kind of document."""
+    from animeme.documents.kinds import KINDS  # all of them; many a run reads its job and no other
+
+    return KINDS[kind]
+
+
 def _upgraded(kind: str, path: Path, data: dict[str, Any]) -> dict[str, Any]:
     """`data` as a document of the present version."""
+    from animeme.documents.kinds import UPGRADES, VERSIONS
+
     said = data.get("schema")
     for version in range(1, VERSIONS[kind] + 1):
         if said == f"animeme.{kind}/{version}":
-            data = _UPGRADES[kind, version](data) if version < VERSIONS[kind] else data
+            data = UPGRADES[kind, version](data) if version < VERSIONS[kind] else data
             said = f"animeme.{kind}/{version + 1}" if version < VERSIONS[kind] else said
     expected = f"animeme.{kind}/{VERSIONS[kind]}"
     if said != expected:
@@ -224,10 +189,12 @@ def _has_tag(kind: Any, tag: int | str) -> bool:
 
 def schema_text(kind: str) -> str:
     """The JSON Schema of a kind of document, as the file in ``schemas/`` holds it."""
+    from animeme.documents.kinds import VERSIONS
+
     schema = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": f"animeme.{kind}/{VERSIONS[kind]}",
-        **KINDS[kind].model_json_schema(by_alias=True),
+        **type_of(kind).model_json_schema(by_alias=True),
     }
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
