@@ -167,9 +167,7 @@ class LocalExecutor:
                 tasks.draw(1)  # the first child starts while the next is looked for
             if not waiting and not busy:
                 return
-            with _single_threaded(), uninterrupted():
-                while len(children) < min(self.workers, busy + len(waiting)):
-                    children.append(_Child(multiprocessing.get_context("spawn")))
+            self._start(min(self.workers, busy + len(waiting)) - len(children))
             if self._stopped.is_set():
                 return  # `stop` may have come too early to see the newest child
             for child in [child for child in children if child.task is None]:
@@ -190,6 +188,12 @@ class LocalExecutor:
                         waiting.append(replace(task, attempt=task.attempt + 1))
                         continue
                 yield result
+
+    def _start(self, more: int) -> None:
+        if more > 0:  # what follows costs its time even where there is nothing to start
+            with _single_threaded(), uninterrupted():
+                context = multiprocessing.get_context("spawn")
+                self._children += [_Child(context) for _ in range(more)]
 
     def _end(self) -> None:
         for child in self._children:
