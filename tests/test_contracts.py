@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from animeme import registry, testing
-from animeme.delivery import SUBJECTS
 from animeme.errors import InputError
 from animeme_stages.ingest.audio import read_speech
 from conftest import SAMPLE
@@ -43,17 +42,15 @@ def test_formats(asset: str, tmp_path: Path) -> None:
     testing.check_format(registry.format_of(path), path, tmp_path)
 
 
-@pytest.mark.parametrize("subject", ["line", "asset", *SUBJECTS])
-def test_checks(subject: str) -> None:
-    found = registry.checks(subject)
+@pytest.mark.parametrize("group", registry.SUBJECTS)
+def test_checks(group: str) -> None:
+    found = registry.checks(group)
     assert found
     for check in found:
         testing.check_check(check)
 
 
 def test_no_two_checks_share_an_id() -> None:
-    ids = [
-        check.id for subject in ("line", "asset", *SUBJECTS) for check in registry.checks(subject)
-    ]
+    ids = [check.id for group in registry.SUBJECTS for check in registry.checks(group)]
     assert len(set(ids)) == len(ids)
-    assert set(ids) == set(registry.plugins(registry.CHECKS))
+    assert set(ids) == {name for group in registry.SUBJECTS for name in registry.plugins(group)}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from animeme import api, documents, registry
+from animeme import documents, load_character, registry
 from animeme.curves import CurveSet
 from animeme.errors import InputError
 from animeme.rig import BoundRig
@@ -121,9 +121,7 @@ def test_a_take_tells_its_rate(rate: str, tmp_path: Path) -> None:
 
 
 def test_live_link_takes_the_rig_s_word_for_a_shape(tmp_path: Path) -> None:
-    rig: BoundRig = registry.stage("bind-rig")(
-        "auto", api.load_character(SAMPLE / "ada.glb"), Path()
-    )
+    rig: BoundRig = registry.stage("bind-rig")("auto", load_character(SAMPLE / "ada.glb"), Path())
     renamed = BoundRig(rig.profile, {"jawOpen": "Kiefer", "mouthClose": "Mund"}, ())
     given = curves(("Kiefer", "tail", "mouthFunnel"))
     (finding,) = write_curves(given, tmp_path / "a.csv", "livelink-csv", rig=renamed)

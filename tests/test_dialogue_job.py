@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
+from animeme.curve_options import CurveOptions
 from animeme.dialogue import Line, find_lines
 from animeme.documents import suggestion
 from animeme.errors import JobError, Problem
 from animeme.findings import Severity
 from animeme.gathering import DialogueSource
 from animeme.job import CharacterJob, Job, read_job
-from animeme.shaping import CurveOptions
 
 
 def folder_of(root: Path, files: Sequence[str]) -> Path:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from animeme import api
+from animeme import align
 from animeme.errors import InputError
 from animeme.findings import Finding, Severity
 from animeme.phones import PhoneTrack
@@ -76,7 +76,7 @@ REFUSALS = {"audio-silent", "audio-unreadable", "audio-empty", "audio-too-short"
 def outcome(path: Path, text: str = TEXT) -> tuple[PhoneTrack | None, tuple[Finding, ...]]:
     """The track and findings, or no track and the refusal as a finding."""
     try:
-        alignment = api.align(path, text, language="en")
+        alignment = align(path, text, language="en")
     except InputError as error:
         return None, (Finding.from_error(error),)
     return alignment.track, alignment.findings

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from animeme import registry
+from animeme.curve_options import CurveOptions
 from animeme.dialogue import Line
 from animeme.job import CharacterJob, Job
-from animeme.shaping import CurveOptions
 from animeme.store import keys
 from animeme.store.code import CodeDigests
 from animeme.store.digests import ABSENT, Digests

@@ -11,45 +11,38 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from animeme.api import (
-        align,
-        align_folder,
-        learn_voices,
-        load_character,
-        load_model,
-        review,
-        run,
-        speak,
-        strip,
-    )
+    from animeme.assets import load_character, strip
+    from animeme.batch import rehearse, run
     from animeme.crossmapping import crossmap
     from animeme.errors import AnimemeError, InputError, JobError, PluginError
+    from animeme.reviewable import review
     from animeme.selection import Selection, read_changed
-    from animeme.training import evaluate, read_dataset, save_model, train
+    from animeme.speech import align, align_folder, learn_voices, speak
+    from animeme.training import evaluate, load_model, read_dataset, save_model, train
 
 # Loaded when first used, so that `import animeme` and `animeme --help` are quick.
 _HOMES = {
-    "align": "animeme.api",
-    "align_folder": "animeme.api",
-    "learn_voices": "animeme.api",
-    "load_character": "animeme.api",
-    "load_model": "animeme.api",
-    "rehearse": "animeme.api",
-    "review": "animeme.api",
-    "run": "animeme.api",
-    "speak": "animeme.api",
-    "strip": "animeme.api",
+    "load_character": "animeme.assets",
+    "strip": "animeme.assets",
+    "rehearse": "animeme.batch",
+    "run": "animeme.batch",
     "crossmap": "animeme.crossmapping",
-    "read_changed": "animeme.selection",
-    "evaluate": "animeme.training",
-    "read_dataset": "animeme.training",
-    "save_model": "animeme.training",
-    "train": "animeme.training",
     "AnimemeError": "animeme.errors",
     "InputError": "animeme.errors",
     "JobError": "animeme.errors",
     "PluginError": "animeme.errors",
+    "review": "animeme.reviewable",
     "Selection": "animeme.selection",
+    "read_changed": "animeme.selection",
+    "align": "animeme.speech",
+    "align_folder": "animeme.speech",
+    "learn_voices": "animeme.speech",
+    "speak": "animeme.speech",
+    "evaluate": "animeme.training",
+    "load_model": "animeme.training",
+    "read_dataset": "animeme.training",
+    "save_model": "animeme.training",
+    "train": "animeme.training",
 }
 
 __all__ = [

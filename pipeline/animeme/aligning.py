@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from animeme import registry
+from animeme.animating import align_line
 from animeme.dialogue import Line, find_lines, find_lines_of, folders_with_lines
 from animeme.errors import InputError
 from animeme.executors import Executor, Result
@@ -18,7 +19,7 @@ from animeme.findings import Finding, LineStatus, Severity, exit_code_of, status
 from animeme.languages import find_tag
 from animeme.ledger import fault_of
 from animeme.runner import LINE_TIMEOUT_S, RETRIES, Listener, Progress, cpu_s, name_of
-from animeme.tasks import AlignItem, LineOutcome, align_line
+from animeme.tasks import AlignItem, LineOutcome
 
 DEFAULT_LANGUAGE = "en"
 

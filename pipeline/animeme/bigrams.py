@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from animeme import api, registry
+from animeme import registry
 from animeme.dataset import Listener, no_listener
 from animeme.dialogue import Line
 from animeme.files import write_text
 from animeme.findings import Finding
 from animeme.phones import PhoneTrack
+from animeme.training import load_model
 
 DEFAULT_SET = "facefx"
 OWN_CONTROLS = "controls"
@@ -182,7 +183,7 @@ def seed_bigrams(
         base = os.path.relpath(Path(base).resolve(), Path(output).resolve().parent)
         base = Path(base).as_posix()
     found: Seeded = registry.stage("seed-bigrams")(
-        api.load_model(model), None if poses == OWN_CONTROLS else poses, base, listener
+        load_model(model), None if poses == OWN_CONTROLS else poses, base, listener
     )
     if output is not None:
         save_bigrams(found.document, output)

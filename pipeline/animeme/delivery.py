@@ -7,7 +7,7 @@ file), "performance" (one animation in it) or "deliveries" (all files of one cal
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
@@ -18,12 +18,12 @@ from animeme.contracts import Alignment, Format, Speech
 from animeme.curves import CurveSet, Floats
 from animeme.dialogue import Line
 from animeme.errors import InputError
-from animeme.findings import Finding, Severity
+from animeme.findings import Complaint as Complaint
+from animeme.findings import Severity
 from animeme.phones import PhoneTrack
 from animeme.rig import BoundRig, Character
 
 Subject = Literal["delivery", "performance", "deliveries"]
-SUBJECTS: tuple[Subject, ...] = ("deliveries", "delivery", "performance")
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,34 +208,6 @@ class Deliveries:
 
     files: tuple[Delivery, ...]
     takes: Mapping[str, Take]
-
-
-@dataclass(frozen=True)
-class Complaint(Finding):
-    """A finding about a delivered file.
-
-    Attributes:
-        check: id of the check that made it.
-        file: the delivered file, as it was named.
-        start_s, end_s: when, on the animation's own time axis; None where it is no matter of time.
-    """
-
-    check: str = ""
-    file: str = ""
-    start_s: float | None = None
-    end_s: float | None = None
-
-    def to_json(self) -> dict[str, Any]:
-        """As in the ``validation`` document."""
-        return {**asdict(self), "severity": self.severity.label}
-
-    def __str__(self) -> str:
-        when = "" if self.start_s is None else f" at {self.start_s:.2f} s"
-        if self.start_s is not None and self.end_s is not None and self.end_s > self.start_s:
-            when = f" from {self.start_s:.2f} to {self.end_s:.2f} s"
-        where = f" ({self.place})" if self.place else ""
-        action = f" {self.action}" if self.action else ""
-        return f"{self.severity.label} {self.code}: {self.message}{when}{where}.{action}"
 
 
 @dataclass(frozen=True)

@@ -321,3 +321,8 @@ def composed(name: str) -> str:
 def shown(name: str) -> str:
     """A file name as it can be written down: bytes that are not UTF-8 become escapes."""
     return name if name.isascii() else os.fsencode(name).decode("utf-8", "backslashreplace")
+
+
+def is_spoken(line: Line, speak: bool, recorded: bool) -> bool:
+    """Whether a program speaks the line."""
+    return speak and line.timings_file is None and not recorded

@@ -88,6 +88,34 @@ class Finding:
         return f"{self.severity.label} {self.code}: {self.message}{where}.{action}"
 
 
+@dataclass(frozen=True)
+class Complaint(Finding):
+    """A finding about a delivered file.
+
+    Attributes:
+        check: id of the check that made it.
+        file: the delivered file, as it was named.
+        start_s, end_s: when, on the animation's own time axis; None where it is no matter of time.
+    """
+
+    check: str = ""
+    file: str = ""
+    start_s: float | None = None
+    end_s: float | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """As in the ``validation`` document."""
+        return {**asdict(self), "severity": self.severity.label}
+
+    def __str__(self) -> str:
+        when = "" if self.start_s is None else f" at {self.start_s:.2f} s"
+        if self.start_s is not None and self.end_s is not None and self.end_s > self.start_s:
+            when = f" from {self.start_s:.2f} to {self.end_s:.2f} s"
+        where = f" ({self.place})" if self.place else ""
+        action = f" {self.action}" if self.action else ""
+        return f"{self.severity.label} {self.code}: {self.message}{when}{where}.{action}"
+
+
 def status_of(findings: Iterable[Finding]) -> LineStatus:
     """The state a line ends in: failed on an error, review on a warning, else ok."""
     worst = max((finding.severity for finding in findings), default=Severity.INFO)

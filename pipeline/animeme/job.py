@@ -11,6 +11,7 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from animeme import registry
+from animeme.curve_options import CurveOptions
 from animeme.documents import problems_of, suggestion
 from animeme.documents.job import (
     CurvesSection,
@@ -22,7 +23,6 @@ from animeme.errors import InputError, JobError, PluginError, Problem
 from animeme.gathering import DialogueSource
 from animeme.languages import find_tag, language_tag
 from animeme.manifest import PRESETS, Columns
-from animeme.shaping import CurveOptions
 from animeme.timing import FrameRate
 
 Layout = Literal["per-character", "per-line", "animation-only", "vrma"]

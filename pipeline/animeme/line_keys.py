@@ -10,10 +10,9 @@ from os.path import basename
 from pathlib import Path
 
 from animeme import registry
-from animeme.dialogue import Line, voice_path
+from animeme.dialogue import Line, is_spoken, voice_path
 from animeme.job import Job
-from animeme.shaping import drawn
-from animeme.steps import is_spoken
+from animeme.side_cars import drawn
 from animeme.store.digests import ABSENT
 from animeme.store.keys import (
     CONTEXT,
@@ -111,7 +110,7 @@ class Keyring:
             if part == "align":
                 plugins.append(find(registry.ALIGNERS, self.job.aligner))
             if part == "rig":
-                plugins += registry.plugins(registry.CHECKS).values()
+                plugins += registry.plugins(registry.LINE_CHECKS).values()
             self._codes[part] = self.memory.code.of(plugins, _ENGINE)
         return self._codes[part]
 

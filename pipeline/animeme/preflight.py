@@ -100,7 +100,8 @@ def _prepared_key(job: Job, memory: Memory) -> str:
     root = job.dialogue.root
     if None in digests or not (root is None or root.is_dir()):
         return ""
-    plugins = [p for group in registry.GROUPS for p in registry.plugins(group).values()]
+    groups = [group for group in registry.GROUPS if group != registry.DELIVERY_CHECKS]
+    plugins = [p for group in groups for p in registry.plugins(group).values()]
     code = memory.code.of(plugins, "animeme.preflight")
     names = [f"{path}\n{digest}" for path, digest in zip(files, digests, strict=True)]
     return key_of("prepared", [os.getcwd(), code, str(job.speak), *names])
@@ -122,8 +123,8 @@ def load_plugins(job: Job) -> None:
     for character in job.characters:
         if character.model is not None:
             registry.load_model(character.model.name, file=character.model.file)
-    for subject in ("line", "asset"):
-        registry.checks(subject)
+    for group in (registry.LINE_CHECKS, registry.ASSET_CHECKS):
+        registry.checks(group)
     for name in _stages_of(job):
         registry.stage(name)
     for plugin in registry.plugins(registry.REPORTS).values():

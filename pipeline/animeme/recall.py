@@ -12,13 +12,13 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from animeme.dialogue import Line
+from animeme.dialogue import Line, is_spoken
 from animeme.files import stamp
 from animeme.findings import Finding, Severity
 from animeme.job import Job
 from animeme.line_keys import Keyring
+from animeme.packing import curve_head, delivered_parts, packed, places, unpacked
 from animeme.recent import Recent, files_of, look_of, stamped
-from animeme.steps import curves_of, delivered_parts, is_spoken, packed, places, unpacked
 from animeme.store.keys import Parts, canonical, key_of, target_parts
 from animeme.store.memory import Memory
 from animeme.tasks import (
@@ -167,7 +167,7 @@ class Recall(Keyring):
             shapes = self.targets[index].asset.shapes
             if entry is None or entry.digest != digest:
                 return False
-            if not {*curves_of(entry.payload)[0].names} <= {*shapes}:
+            if not {*curve_head(entry.payload)[0]["names"]} <= {*shapes}:
                 return False
         return True
 

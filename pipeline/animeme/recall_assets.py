@@ -12,8 +12,8 @@ from animeme import registry
 from animeme.files import stamp
 from animeme.findings import Severity
 from animeme.job import Job
+from animeme.packing import packed, unpacked
 from animeme.recent import Recent
-from animeme.steps import packed, unpacked
 from animeme.store.keys import canonical, key_of
 from animeme.store.memory import Memory
 from animeme.tasks import AssemblyItem, AssetItem, AssetOutcome, Target
@@ -216,7 +216,7 @@ class AssetRecall:
 
     def _format_code(self, name: str) -> str:
         plugins = [registry.find(registry.FORMATS, name)]
-        plugins += registry.plugins(registry.CHECKS).values()
+        plugins += registry.plugins(registry.ASSET_CHECKS).values()
         return self._code_of(("format", name), plugins)
 
     def _code(self, stage: str) -> str:

@@ -1,9 +1,9 @@
 """Plug-ins: found through entry points, loaded when first used.
 
-Groups: ``animeme.models``, ``animeme.formats``, ``animeme.aligners``, ``animeme.checks``,
-``animeme.stages`` (the steps between them), ``animeme.profiles`` (of checks: functions that give
-their files) and ``animeme.reports``. The name of the entry point is
-the name that jobs and command lines use.
+Groups: ``animeme.models``, ``animeme.formats``, ``animeme.aligners``, ``animeme.line_checks``,
+``animeme.asset_checks``, ``animeme.delivery_checks``, ``animeme.stages`` (the steps between them),
+``animeme.profiles`` (of checks: functions that give their files) and ``animeme.reports``. The name
+of the entry point is the name that jobs and command lines use.
 """
 
 from __future__ import annotations
@@ -13,21 +13,32 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import Distribution, EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from animeme import documents
-from animeme.contracts import Aligner, Check, Format, Model
 from animeme.documents import suggestion
 from animeme.errors import InputError, PluginError
+
+if TYPE_CHECKING:
+    from animeme.contracts import Aligner, Check, Format, Model
 
 MODELS = "animeme.models"
 FORMATS = "animeme.formats"
 ALIGNERS = "animeme.aligners"
-CHECKS = "animeme.checks"
+LINE_CHECKS = "animeme.line_checks"
+ASSET_CHECKS = "animeme.asset_checks"
+DELIVERY_CHECKS = "animeme.delivery_checks"
 STAGES = "animeme.stages"
 PROFILES = "animeme.profiles"
 REPORTS = "animeme.reports"
-GROUPS = (MODELS, FORMATS, ALIGNERS, CHECKS, STAGES, PROFILES, REPORTS)
+# A group per kind of work that a check is part of: what is made anew when a check changes, and
+# what a worker imports, is that group's alone.
+SUBJECTS = {
+    LINE_CHECKS: ("line",),
+    ASSET_CHECKS: ("asset",),
+    DELIVERY_CHECKS: ("deliveries", "delivery", "performance"),
+}
+GROUPS = (MODELS, FORMATS, ALIGNERS, *SUBJECTS, STAGES, PROFILES, REPORTS)
 
 
 @dataclass(frozen=True)
@@ -62,7 +73,13 @@ class Plugin:
 def _installed() -> Mapping[str, tuple[EntryPoint, ...]]:
     """Our groups' entry points: the metadata of all that is installed is read once."""
     everything = entry_points()
-    return {group: tuple(everything.select(group=group)) for group in GROUPS}
+    ours = {group for group in everything.groups if group.startswith("animeme.")}
+    return {group: tuple(everything.select(group=group)) for group in sorted({*GROUPS, *ours})}
+
+
+def strange_groups() -> tuple[str, ...]:
+    """Groups that somebody's plug-ins are registered under, and that nothing asks for."""
+    return tuple(group for group in _installed() if group not in GROUPS)
 
 
 @cache
@@ -147,10 +164,31 @@ def format_of(path: Path) -> Format:
 
 
 @cache
-def checks(subject: str) -> tuple[Check, ...]:
-    """The checks of one kind of subject ("line", "asset", or one of a delivery's)."""
-    made: list[Check] = [plugin.load()() for plugin in plugins(CHECKS).values()]
-    return tuple(sorted((c for c in made if c.subject == subject), key=lambda check: check.id))
+def checks(group: str) -> tuple[Check, ...]:
+    """The checks of a group, by id: `LINE_CHECKS`, `ASSET_CHECKS` or `DELIVERY_CHECKS`.
+
+    Raises:
+        PluginError: one cannot be loaded, or judges what its group is not asked about.
+    """
+    made = [check_of(plugin) for plugin in plugins(group).values()]
+    return tuple(sorted(made, key=lambda check: check.id))
+
+
+def check_of(plugin: Plugin) -> Check:
+    """The check that a plug-in of such a group is; raises as `checks`."""
+    made: Check = plugin.load()()
+    subject = getattr(made, "subject", None)
+    if subject in SUBJECTS[plugin.group]:
+        return made
+    own = [group for group, subjects in SUBJECTS.items() if subject in subjects]
+    known = ", ".join(f"'{name}'" for name in SUBJECTS[plugin.group])
+    raise PluginError(
+        plugin.group,
+        plugin.name,
+        plugin.distribution,
+        f"its subject is {subject!r}, and checks of this group judge {known}",
+        f"Register it under {own[0]}." if own else "Correct its subject.",
+    )
 
 
 @cache

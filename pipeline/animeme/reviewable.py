@@ -23,11 +23,14 @@ from animeme.review_delivery import DeliveryReview
 from animeme.reviewing import (
     DEFAULT_FRAME_HZ,
     Detail,
+    Listener,
     Performed,
     Reviewable,
     ReviewedLine,
+    WrittenReview,
     moving,
     scores_of,
+    write_review,
 )
 from animeme.validation import DEFAULT_PROFILE
 
@@ -62,6 +65,60 @@ def open_reviewable(
     return DeliveryReview(
         path, dialogue=dialogue, language=language, aligner=aligner, lexicon=lexicon, rig=rig,
         profile=profile,
+    )  # fmt: skip
+
+
+def review(
+    shown: str | Path,
+    output: str | Path,
+    *,
+    lines: Sequence[str] = (),
+    worst: int | None = None,
+    against: str | Path | None = None,
+    dialogue: str | Path | None = None,
+    language: str | None = None,
+    aligner: str = "pocketsphinx",
+    lexicon: str | Path | None = None,
+    rig: str = "auto",
+    single_file: bool = False,
+    listener: Listener = lambda done, total: None,
+) -> WrittenReview:
+    """Write pages on which a person sees and hears lines, from disk, in any browser.
+
+    Args:
+        shown: a run's output folder, an animated file, or a folder of such.
+        output: folder to write to.
+        lines: globs over ``<language>/<line>`` or ``<line>``: these get a page; all if none.
+        worst: only so many of them, the worst.
+        against: another run or file, to see and hear beside it.
+        dialogue: folder of the recordings; a run knows its own.
+        language, aligner, lexicon, rig: as for `open_reviewable`.
+        single_file: one page that holds everything.
+        listener: told how many pages are done, of how many.
+
+    Raises:
+        InputError: there is nothing to be shown, or `output` cannot be written.
+
+    Example:
+        >>> import animeme
+        >>> animeme.review("out/sample", "review").index  # doctest: +SKIP
+        PosixPath('review/index.html')
+    """
+
+    def opened(path: str | Path) -> Reviewable:
+        return open_reviewable(
+            Path(path),
+            dialogue=None if dialogue is None else Path(dialogue),
+            language=language,
+            aligner=aligner,
+            lexicon=None if lexicon is None else Path(lexicon),
+            rig=rig,
+        )
+
+    other = None if against is None else opened(against)
+    return write_review(
+        opened(shown), Path(output), lines=lines, worst=worst, other=other,
+        single_file=single_file, listener=listener,
     )  # fmt: skip
 
 

@@ -13,10 +13,9 @@ import numpy as np
 
 from animeme import registry
 from animeme.curves import CurveSet
-from animeme.delivery import Complaint
 from animeme.dialogue import composed
 from animeme.errors import InputError
-from animeme.findings import Finding, LineStatus, Severity
+from animeme.findings import Complaint, Finding, LineStatus, Severity
 from animeme.phones import SILENCE, PhoneTrack
 
 DEFAULT_FRAME_HZ = 30.0
@@ -156,7 +155,7 @@ class Pictures:
     remarks: tuple[str, ...] = ()
 
 
-def review(
+def write_review(
     shown: Reviewable,
     output: Path,
     *,

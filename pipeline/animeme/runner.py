@@ -42,11 +42,13 @@ from animeme.tasks import (
     AssetItem,
     AssetOutcome,
     LineItem,
-    make_line,
     save_context,
 )
-from animeme.writing import join_languages, write_asset
 
+# The work, by name: this process imports it only if it does it itself.
+MAKE_LINE = "animeme.animating:make_line"
+WRITE_ASSET = "animeme.writing:write_asset"
+JOIN_LANGUAGES = "animeme.writing:join_languages"
 # A line of minutes takes seconds; a task beyond these is hung.
 LINE_TIMEOUT_S = 600.0
 ASSET_TIMEOUT_S = 1800.0
@@ -302,7 +304,7 @@ class _Work:
 
     def _make(self, items: Iterable[LineItem]) -> Iterator[None]:
         under_way: dict[int, LineItem] = {}
-        for result in self._run(make_line, _noted(items, under_way), LINE_TIMEOUT_S):
+        for result in self._run(MAKE_LINE, _noted(items, under_way), LINE_TIMEOUT_S):
             item = under_way.pop(result.index)
             self.ledger.end_line(item, result)
             self.recall.keep(item, result.value)
@@ -329,7 +331,7 @@ class _Work:
             lost: set[int] = set()
             again: list[AssetItem] = []
             under_way: dict[int, AssetItem] = {}
-            for result in self._run(write_asset, _noted(waiting, under_way), ASSET_TIMEOUT_S):
+            for result in self._run(WRITE_ASSET, _noted(waiting, under_way), ASSET_TIMEOUT_S):
                 item = under_way.pop(result.index)
                 if result.value is not None and result.value.lost and turn < MOST_ROUNDS:
                     lost.update(result.value.lost)
@@ -397,7 +399,7 @@ class _Work:
                 waiting.append((key, item))
             else:
                 self.ledger.take_up_assembly(item, outcome)
-        for result in self._run(join_languages, [item for _, item in waiting], ASSET_TIMEOUT_S):
+        for result in self._run(JOIN_LANGUAGES, [item for _, item in waiting], ASSET_TIMEOUT_S):
             key, item = waiting[result.index]
             self.ledger.end_assembly(item, result)
             if result.value is not None:
@@ -415,11 +417,8 @@ class _Work:
         items = plan.assembly_items(written, self.spool)
         return [item for item in items if scope is None or item.target in scope.targets]
 
-    def _run(
-        self, function: Callable[..., Any], items: Iterable[Any], timeout_s: float
-    ) -> Iterator[Result]:
-        name = name_of(function)
-        return self.executor.run(name, items, timeout_s=timeout_s, retries=RETRIES)
+    def _run(self, function: str, items: Iterable[Any], timeout_s: float) -> Iterator[Result]:
+        return self.executor.run(function, items, timeout_s=timeout_s, retries=RETRIES)
 
 
 @dataclass

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from animeme import registry
+from animeme.curve_options import CurveOptions
 from animeme.curves import CurveSet, reduce_keys
 from animeme.dialogue import Line, has_transcript, transcript_of
 from animeme.documents import suggestion
@@ -31,6 +32,7 @@ from animeme.errors import InputError
 from animeme.findings import Finding, Severity
 from animeme.phones import SILENCE, Phone, PhoneTrack
 from animeme.rig import BoundRig, Character
+from animeme.side_cars import drawn
 from animeme.timing import FrameRate
 
 # Hand-made curves may end on the last frame, which covers the end of the audio: at most one frame
@@ -38,29 +40,6 @@ from animeme.timing import FrameRate
 OVERHANG_S = 0.05
 # Hand-made curves that stop this long before the last phone ends have lost something.
 SHORT_S = 0.25
-
-
-@dataclass(frozen=True)
-class CurveOptions:
-    """How curves are sampled, placed in time and handed out: a job's ``[curves]``.
-
-    Attributes:
-        rate_hz: sampling rate of the motion, and of uniform keys where there is no `frame_rate`.
-        max_error: key-reduction bound in weight units.
-        uniform: a key per frame, not as few as possible.
-        frame_rate: of uniform keys and time codes, or None.
-        offset_s: shift of the motion against the audio, positive is later.
-        preroll_s: how long before the audio the animation starts.
-        export: kinds of curve files to write beside the assets.
-    """
-
-    rate_hz: float = 60.0
-    max_error: float = 0.002
-    uniform: bool = False
-    frame_rate: FrameRate | None = None
-    offset_s: float = 0.0
-    preroll_s: float = 0.0
-    export: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -237,12 +216,6 @@ class LineMotion:
                 place=str(path),
                 action="Their last key is held; check that both are of the same take.",
             )
-
-
-def drawn(line: Line, character: str) -> Path | None:
-    """A line's curves by hand for a character, its own before those for all; None for a model's."""
-    found = line.files_of("curves", character)
-    return found[-1] if found else None
 
 
 def _beside_shapes(edits: tuple[PlacedEdit, ...]) -> Iterator[Finding]:

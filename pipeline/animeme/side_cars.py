@@ -93,3 +93,9 @@ def _stray(path: Path, kind: str) -> Finding:
         place=str(path),
         action=f"Name it <line>.{kind}.… or <line>.<character>.{kind}.…, beside its recording.",
     )
+
+
+def drawn(line: Line, character: str) -> Path | None:
+    """A line's curves by hand for a character, its own before those for all; None for a model's."""
+    found = line.files_of("curves", character)
+    return found[-1] if found else None

@@ -13,7 +13,7 @@ import json
 import secrets
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,10 +24,11 @@ import numpy as np
 from animeme import registry
 from animeme.contracts import Alignment, Anchor, LineSubject, Model, Speech, Spoken
 from animeme.curves import CurveSet
-from animeme.dialogue import Line, has_transcript, transcript_of, voice_of
+from animeme.dialogue import Line, has_transcript, is_spoken, transcript_of, voice_of
 from animeme.errors import InputError
 from animeme.files import json_text
-from animeme.findings import Finding, Severity
+from animeme.findings import Finding
+from animeme.packing import curve_head, model_places, packed, places
 from animeme.phones import Event, PhoneTrack
 from animeme.shaping import LineMotion
 from animeme.store.entries import Entry, Store
@@ -99,11 +100,6 @@ def time_line(line: Line, means: Means, *, speak: bool = False) -> Timed:
         return Timed(seconds, (*own, Finding.from_error(error)), passing=is_passing(error))
     findings = (*speech.findings, *alignment.findings)
     return Timed(speech.duration_s, findings, alignment.track, alignment.score, spoken)
-
-
-def is_spoken(line: Line, speak: bool, recorded: bool) -> bool:
-    """Whether a program speaks the line."""
-    return speak and line.timings_file is None and not recorded
 
 
 def is_passing(error: InputError) -> bool:
@@ -246,7 +242,9 @@ class Steps:
             try:
                 made = motion.of(target.character, target.asset, target.rig, controls())
                 subject = LineSubject(motion.track, made.controls, target.rig, made.heard)
-                found = [f for check in registry.checks("line") for f in check.run(subject)]
+                found = [
+                    f for check in registry.checks(registry.LINE_CHECKS) for f in check.run(subject)
+                ]
             except InputError as error:
                 return self._failed(error, tokens)
             findings = packed((*made.findings, *found), tokens)
@@ -285,12 +283,6 @@ def track_of(entry: Entry) -> PhoneTrack | None:
     return PhoneTrack.from_document(json.loads(entry.payload[:size])) if size else None
 
 
-def delivered_parts(entry: Entry) -> tuple[bytes, bytes]:
-    """The alignment document in an entry of `Steps.align`, and what was spoken (b"" if nothing)."""
-    size = entry.value["document"]
-    return entry.payload[:size], entry.payload[size:]
-
-
 def _wave(spoken: Spoken | None) -> bytes:
     if spoken is None:
         return b""
@@ -314,82 +306,8 @@ def curve_bytes(curves: CurveSet, events: Iterable[Event]) -> bytes:
 
 def curves_of(payload: bytes) -> tuple[CurveSet, tuple[Event, ...]]:
     """What `curve_bytes` packed."""
-    text, _, rest = payload.partition(b"\n")
-    head = json.loads(text)
+    head, rest = curve_head(payload)
     values = np.frombuffer(rest, "<f8")
     keys, names = head["keys"], tuple(head["names"])
     curves = CurveSet(values[:keys], names, values[keys:].reshape(keys, len(names)))
     return curves, tuple(Event(tag, time_s) for tag, time_s in head["events"])
-
-
-def places(line: Line, context: RunContext) -> dict[str, str]:
-    """Path as findings say it → the token that stands for it in a store that others use too."""
-    files = {
-        "lexicon": context.lexicon,
-        "voice": voice_of(context.voices, line),
-        "audio": line.audio_file,
-        "text": line.transcript_file,
-        "timings": line.timings_file,
-        "origin": line.origin or None,
-        **{f"{car.kind} {car.character}": car.path for car in line.side_cars},
-    }
-    return {str(path): f"\0{name}\0" for name, path in files.items() if path is not None}
-
-
-def model_places(target: Target) -> dict[str, str]:
-    """As `places`, of the files that a target's model is made of."""
-    return {str(path): f"\0model {number}\0" for number, path in enumerate(target.model_files)}
-
-
-def packed(findings: Iterable[Finding], tokens: Mapping[str, str]) -> list[list[Any]]:
-    """Findings as JSON, without line and character, and with tokens in place of paths."""
-    longest = sorted(tokens, key=len, reverse=True)
-
-    def general(text: str) -> str:
-        for path in longest:
-            text = text.replace(path, tokens[path])
-        return text
-
-    return [
-        [
-            int(finding.severity),
-            finding.code,
-            *map(general, (finding.message, finding.place, finding.action)),
-            finding.ours,
-        ]
-        for finding in findings
-    ]
-
-
-def unpacked(
-    rows: Iterable[Sequence[Any]],
-    tokens: Mapping[str, str],
-    *,
-    line: str = "",
-    character: str = "",
-) -> tuple[Finding, ...]:
-    """What `packed` packed, said of a line and a character."""
-
-    def special(text: str) -> str:
-        for path, token in tokens.items() if "\0" in text else ():
-            text = text.replace(token, path)
-        return text
-
-    return tuple(
-        Finding(
-            Severity(severity),
-            code,
-            special(message),
-            special(place),
-            special(action),
-            line,
-            character,
-            ours,
-        )
-        for severity, code, message, place, action, ours in rows
-    )
-
-
-def for_line(findings: Iterable[Finding], line: str) -> tuple[Finding, ...]:
-    """The findings, said of a line."""
-    return tuple(replace(finding, line=line) for finding in findings)

@@ -1,31 +1,29 @@
-"""The kinds of work in a run, as functions that any executor can call: the work on lines.
+"""What goes in and out of the kinds of work in a run: small things, paths, keys and findings.
 
-What goes in and out is small: paths, keys, findings. Curves travel through the store. The work on
-files is in `animeme.writing`.
+The work itself is in `animeme.animating` (lines) and `animeme.writing` (files), which a run that
+finds everything done never imports.
 """
 
 from __future__ import annotations
 
 import pickle
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
-from animeme import registry, steps
-from animeme.contracts import Format, Model
-from animeme.curves import CurveSet
-from animeme.dialogue import Line, voice_of
-from animeme.errors import InputError
+from animeme import registry
+from animeme.curve_options import CurveOptions
+from animeme.dialogue import Line
 from animeme.files import sha256, stamp, unwritable, write_bytes
-from animeme.findings import Finding, Severity
+from animeme.findings import Finding
 from animeme.job import ModelChoice
-from animeme.phones import PhoneTrack
 from animeme.rig import BoundRig, Character
-from animeme.shaping import CurveOptions, LineMotion, drawn
 from animeme.store.entries import Entry, Store
 from animeme.store.keys import key_of
+
+if TYPE_CHECKING:
+    from animeme.contracts import Format
 
 
 @dataclass(frozen=True)
@@ -273,93 +271,6 @@ def context_of(spool: Path) -> RunContext:
     return context
 
 
-def make_line(item: LineItem) -> LineOutcome:
-    """Ingest, align, synthesize and retarget one line; results go to the store."""
-    context, line, keys = context_of(item.spool), item.line, item.keys
-    if line.findings:
-        return LineOutcome(0.0, steps.for_line(line.findings, line.key))
-    stores = Store(context.store), private_store(item.spool)
-    work = steps.Steps(*stores, lambda: _unchanged(item, context))
-    try:
-        key, entry = work.align(keys.align, line, context)
-    except InputError as error:  # the store cannot be written
-        return LineOutcome(0.0, (Finding.from_error(error, line=line.key),))
-    value, track = entry.value, steps.track_of(entry)
-    tokens = steps.places(line, context)
-    findings = list(steps.unpacked(value["findings"], tokens, line=line.key))
-    curves: tuple[tuple[int, str, str], ...] = ()
-    delivered: tuple[Delivered, ...] = ()
-    try:
-        if track is not None:
-            curves = _animate(item, context, work, value["digest"], track, findings)
-        good = not any(finding.severity == Severity.ERROR for finding in findings)
-        if good and context.output is not None:
-            delivered = deliver(context.output, line, *steps.delivered_parts(entry))
-    except InputError as error:
-        work.final &= not steps.is_passing(error)
-        findings.append(Finding.from_error(error, line=line.key))
-    return LineOutcome(
-        value["audio_s"],
-        tuple(findings),
-        value["score"],
-        value["spoken"],
-        key if track is not None else "",
-        curves,
-        work.final and bool(keys.align),
-        tuple(work.effort),
-        delivered,
-        tuple(work.store.damaged),
-    )
-
-
-def _animate(
-    item: LineItem,
-    context: RunContext,
-    work: steps.Steps,
-    digest: str,
-    track: PhoneTrack,
-    findings: list[Finding],
-) -> tuple[tuple[int, str, str], ...]:
-    """(target, key, digest) of the curves of a line whose alignment has a digest."""
-    line = item.line
-    motion = LineMotion(line, track, context.curves)
-    targets = [context.targets[index] for index in item.targets]
-    tokens = steps.places(line, context)
-    findings += steps.for_line(motion.strangers([t.character for t in targets]), line.key)
-    moved: dict[ModelChoice | None, Entry] = {}
-    curves = []
-
-    def said(rows: list[list[Any]], places: Mapping[str, str], character: str) -> None:
-        findings.extend(steps.unpacked(rows, places, line=line.key, character=character))
-
-    for index, target in zip(item.targets, targets, strict=True):
-        own, controls = target.model, None
-        if drawn(line, target.character) is None:
-            if own not in moved:
-                model = partial(_model, item.spool, own)
-                made = synthesize_key(context, item.keys, index, digest)
-                moved[own] = work.controls(made, motion, model, target, context.curves.rate_hz)
-            controls = moved[own]
-            if not controls.payload:
-                said(controls.value["findings"], steps.model_places(target), target.character)
-                continue
-        made = retarget_key(context, item.keys, index, controls, digest)
-        given = partial(_controls, controls)
-        made, shaped = work.shapes(made, motion, given, target, tokens)
-        said(shaped.value["findings"], tokens, target.character)
-        curves += [(index, made, shaped.digest)] if shaped.payload else []
-    # What a character's own model says is a finding of that character.
-    whose = {(t.model, t.character if t.model else ""): t for t in reversed(targets)}
-    for (own, character), target in whose.items():
-        if own in moved and moved[own].payload:
-            said(moved[own].value["findings"], steps.model_places(target), character)
-    return tuple(curves)
-
-
-def _controls(entry: Entry | None) -> CurveSet | None:
-    return None if entry is None else steps.curves_of(entry.payload)[0]
-
-
 def synthesize_key(context: RunContext, keys: LineKeys, target: int, alignment: str) -> str:
     """The key of the curves of a target's model, given the alignment's digest; "" if none."""
     parts = (context.prefixes[target][0], alignment)
@@ -381,11 +292,6 @@ def private_store(spool: Path) -> Store:
     return Store(spool / "store")
 
 
-def _unchanged(item: LineItem, context: RunContext) -> bool:
-    """Whether the line was made from the files that its keys are about."""
-    return all(stamp(path) == known for path, known in (*item.stamps, *context.watched))
-
-
 def deliver(output: Path, line: Line, document: bytes, speech: bytes) -> tuple[Delivered, ...]:
     """Put a line's alignment, and what was spoken for it, into the output folder."""
     files = [alignment_file(output, line)] + ([speech_file(output, line)] if speech else [])
@@ -400,30 +306,6 @@ def delivered(paths: list[Path]) -> tuple[Delivered, ...]:
     return tuple(Delivered(path, sha256(path), stamp(path)) for path in paths)
 
 
-def align_line(item: AlignItem) -> LineOutcome:
-    """Ingest and align one line, and write its timings."""
-    line = item.line
-    if line.findings:
-        return LineOutcome(0.0, steps.for_line(line.findings, line.key))
-    means = steps.Means(item.aligner, item.lexicon, voice_of(item.voices, line))
-    timed = steps.time_line(line, means)
-    findings = list(timed.findings)
-    good = not any(finding.severity == Severity.ERROR for finding in findings)
-    if good and timed.track is not None and item.output is not None:
-        try:
-            registry.stage("write-timings")(timed.track, item.output, item.format)
-        except InputError as error:
-            findings.append(Finding.from_error(error))
-    if timed.track is not None and item.plot is not None:
-        try:
-            registry.stage("plot-alignment")(
-                line.audio, timed.track, findings, item.plot, title=line.key
-            )
-        except InputError as error:
-            findings.append(Finding.from_error(error))
-    return LineOutcome(timed.audio_s, steps.for_line(findings, line.key), timed.score)
-
-
 def alignment_file(output: Path, line: Line) -> str:
     """Where a run puts a line's alignment, as a string: there may be many thousands."""
     return f"{output}/alignments/{line.key}.json"
@@ -432,12 +314,3 @@ def alignment_file(output: Path, line: Line) -> str:
 def speech_file(output: Path, line: Line) -> str:
     """Where a run puts what it spoke for a line without a recording, as a string too."""
     return f"{output}/speech/{line.key}.wav"
-
-
-@lru_cache(maxsize=8)
-def _model(spool: Path, own: ModelChoice | None) -> Model:
-    # Once per run and process: the next run may find another model in the same file.
-    if own is not None:
-        return registry.load_model(own.name, file=own.file)
-    context = context_of(spool)
-    return registry.load_model(context.model, file=context.model_file)

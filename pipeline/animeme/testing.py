@@ -23,10 +23,11 @@ from typing import cast
 
 import numpy as np
 
+from animeme import registry
 from animeme.contracts import Aligner, Check, Format, LineAnimation, Model, Speech
 from animeme.curves import CurveSet
 from animeme.dataset import CapturedLine, Dataset
-from animeme.delivery import SUBJECTS, DeliveryCheck
+from animeme.delivery import DeliveryCheck
 from animeme.errors import InputError
 from animeme.phones import ARPABET, SILENCE, Phone, PhoneTrack, contiguous
 
@@ -226,9 +227,10 @@ def check_check(check: Check) -> None:
     One of deliveries also says what it may find, by which thresholds, and where these come from.
     """
     assert check.id == check.id.lower().strip(), "an id is lower case"
-    assert check.subject in ("line", "asset", *SUBJECTS), "a check judges a line or an asset"
+    known = {subject for subjects in registry.SUBJECTS.values() for subject in subjects}
+    assert check.subject in known, f"a check judges one of {sorted(known)}"
     assert len(check.rationale) > 20, "a check must say why it matters"
-    if check.subject in SUBJECTS:
+    if check.subject in registry.SUBJECTS[registry.DELIVERY_CHECKS]:
         judge = cast(DeliveryCheck, check)
         assert judge.codes, "a check must say what it may find"
         for code, entry in judge.codes.items():

@@ -10,10 +10,10 @@ import math
 import re
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from animeme.curves import Floats
+if TYPE_CHECKING:
+    from animeme.curves import Floats
 
 # An end that misses a frame by less than this share of one has hit it: float64 rounding of an hour.
 SAME_FRAME = 1e-6
@@ -60,6 +60,8 @@ class FrameRate:
 
         Two at least, for one frame is no motion.
         """
+        import numpy as np  # takes its time, and whoever parses a rate needs none
+
         exact = end_s * float(self.per_s)
         last = max(1, math.ceil(exact - SAME_FRAME))
         numerator, denominator = self.per_s.as_integer_ratio()

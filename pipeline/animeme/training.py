@@ -1,4 +1,4 @@
-"""Fitting models to captured motion, and comparing them; import the functions from `animeme`."""
+"""Models: fitted to captured motion, kept, compared; import the functions from `animeme`."""
 
 from __future__ import annotations
 
@@ -97,6 +97,33 @@ def save_model(model: Model, path: str | Path) -> None:
     write_text(Path(path), text.replace(", ", ",") + "\n")
 
 
+def load_model(name_or_file: str | Path) -> Model:
+    """A model by name, as shipped, or from a model document.
+
+    Args:
+        name_or_file: a registered name, or the path of a model document.
+
+    Raises:
+        PluginError: no such model is registered.
+        InputError: the document is broken.
+
+    Example:
+        >>> import animeme
+        >>> model = animeme.load_model("cohen-massaro")
+        >>> "jawOpen" in model.controls
+        True
+    """
+    file = _file_of(name_or_file)
+    return registry.load_model(None if file else str(name_or_file), file=file)
+
+
+def _file_of(name_or_file: str | Path) -> Path | None:
+    """The file of a model, None if that is a name."""
+    path = Path(name_or_file)
+    named = path.suffix.lower() in (".json", ".toml", ".animeme")
+    return path if named or path.is_file() else None
+
+
 @dataclass(frozen=True)
 class Comparison:
     """How models did on lines they were not fitted to.
@@ -174,9 +201,8 @@ def _under(name: str, listener: Listener) -> Listener:
 
 def _prepared(text: str) -> tuple[Model, bool]:
     """The model that `text` names, and whether it is fitted already."""
-    path = Path(text)
-    if path.is_file() or path.suffix.lower() in (".json", ".toml", ".animeme"):
-        return registry.load_model(file=path), True
+    if (file := _file_of(text)) is not None:
+        return registry.load_model(file=file), True
     name, options = parse_model(text)
     return registry.model_type(name).configured(options), False
 

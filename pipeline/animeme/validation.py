@@ -15,7 +15,6 @@ from animeme.check_profiles import CheckProfile, read_profile
 from animeme.ci import Case, Rule
 from animeme.deliveries import read_deliveries
 from animeme.delivery import (
-    SUBJECTS,
     Complaint,
     Deliveries,
     Delivery,
@@ -150,7 +149,7 @@ class ValidationReport:
 @cache
 def delivery_checks() -> Mapping[str, DeliveryCheck]:
     """Every registered check of deliveries by id."""
-    found = (check for subject in SUBJECTS for check in registry.checks(subject))
+    found = registry.checks(registry.DELIVERY_CHECKS)
     return {check.id: cast(DeliveryCheck, check) for check in found}
 
 

@@ -51,7 +51,7 @@ def write_asset(item: AssetItem) -> AssetOutcome:
 
     def verify(path: Path) -> None:
         subject = AssetSubject(target.asset, form, path, lines)
-        for check in registry.checks("asset"):
+        for check in registry.checks(registry.ASSET_CHECKS):
             findings.extend(check.run(subject))
         if any(finding.severity == Severity.ERROR for finding in findings):
             raise _RejectedError

@@ -4,8 +4,8 @@
 
 Lines of GRID on the sample's two heads and the ICT head, and prompts in three languages on the
 sample's head, as glTF and USD, in every layout. Which lines they are, and which damage a file gets
-(see damages.py), comes from the seed. Prints what is found of sound files, how many damages are
-found under a right code, and which are missed.
+(see damaged_files.py and damaged_motion.py), comes from the seed. Prints what is found of sound
+files, how many damages are found under a right code, and which are missed.
 """
 
 from __future__ import annotations
@@ -22,8 +22,11 @@ from typing import Any
 import animeme
 from animeme.findings import Severity
 from animeme.validation import ValidationReport, validate
-from bench.damages import KINDS, Output, Unsuitable, moved_name
+from bench import damaged_files, damaged_motion
+from bench.damage_kinds import Output, Unsuitable
+from bench.damaged_files import moved_name
 
+KINDS = {**damaged_files.KINDS, **damaged_motion.KINDS}
 SAMPLE = Path(__file__).parents[2] / "sample_assets"
 LANGUAGES = ("en", "es", "fr")
 NAMES = ("ada", "crab", "ict", "clip", "whole", "localised")

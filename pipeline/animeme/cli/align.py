@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from animeme import api, registry
+from animeme import registry
 from animeme.aligning import DEFAULT_LANGUAGE, AlignReport
 from animeme.cli import options as shared
 from animeme.cli.progress import progress
@@ -22,6 +22,7 @@ from animeme.executors.choice import Kind
 from animeme.executors.inline import InlineExecutor
 from animeme.findings import LineStatus, Severity, exit_code_of
 from animeme.runner import cpu_s
+from animeme.speech import align, align_folder
 
 # More lines than this are not shown on a terminal; --json has all.
 SHOWN_LINES = 20
@@ -113,7 +114,7 @@ def command(
     if text is not None:
         raise click.UsageError("A folder's lines have their texts beside them: leave out TEXT.")
     with progress() as listener:
-        report = api.align_folder(
+        report = align_folder(
             audio,
             output=output,
             format=form,
@@ -161,7 +162,7 @@ def _one(
             said = registry.stage("read-transcript")(Path(text))
     if voices is not None and voices.is_dir():
         voices = voice_path(voices, language, "")
-    alignment = api.align(
+    alignment = align(
         audio,
         said,
         timings=file,

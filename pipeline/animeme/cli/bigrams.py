@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from animeme import api, bigrams
+from animeme import bigrams
 from animeme.cli import options as shared
 from animeme.cli.lines import lines_of
 from animeme.cli.progress import parts
@@ -21,6 +21,7 @@ from animeme.documents import read
 from animeme.errors import InputError
 from animeme.findings import Finding, Severity, exit_code_of
 from animeme.phones import PhoneTrack
+from animeme.speech import align
 
 # More pairs than this are not shown on a terminal; --json has all.
 SHOWN_PAIRS = 30
@@ -211,7 +212,7 @@ def _track(line: Path, language: str, aligner: str, lexicon: Path | None) -> Pho
         (own,) = (li for li in find_lines_of(line.parent, language) if li.audio == line)
         text = own.transcript.read_text(encoding="utf-8") if own.transcript.is_file() else None
         if text is not None or own.timings is not None:
-            return api.align(
+            return align(
                 line, text, timings=own.timings, language=language, aligner=aligner, lexicon=lexicon
             ).track
     raise InputError(

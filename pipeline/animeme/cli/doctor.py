@@ -14,6 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from animeme import registry
+from animeme.documents import suggestion
 from animeme.errors import PluginError
 
 # What each extra adds, in the words of someone who lacks it.
@@ -53,7 +54,11 @@ def examine() -> dict[str, Any]:
         "python": platform.python_version(),
         "core": {requirement.name: _version(requirement.name) for requirement in core},
         "extras": [_extra(name, needed) for name in extras],
-        "plugins": [_plugin(p) for g in registry.GROUPS for p in registry.plugins(g).values()],
+        "plugins": [
+            _plugin(plugin)
+            for group in (*registry.GROUPS, *registry.strange_groups())
+            for plugin in registry.plugins(group).values()
+        ],
     }
 
 
@@ -76,7 +81,13 @@ def _extra(name: str, needed: list[Requirement]) -> dict[str, Any]:
 def _plugin(plugin: registry.Plugin) -> dict[str, str]:
     problem = ""
     try:
-        plugin.load()
+        if plugin.group in registry.SUBJECTS:
+            registry.check_of(plugin)
+        elif plugin.group in registry.GROUPS:
+            plugin.load()
+        else:
+            problem = "animeme has no such group of plug-ins, so it is never used. "
+            problem += suggestion(plugin.group, registry.GROUPS)
     except PluginError as error:
         problem = error.problem
     return {
@@ -107,7 +118,7 @@ def _show(found: dict[str, Any]) -> None:
         )
     console.print(extras)
     plugins = Table("kind", "plug-ins")
-    for group in registry.GROUPS:
+    for group in dict.fromkeys((*registry.GROUPS, *(p["group"] for p in found["plugins"]))):
         names = [
             f"{p['name']} ({p['distribution']})" + (f": {p['problem']}" if p["problem"] else "")
             for p in found["plugins"]

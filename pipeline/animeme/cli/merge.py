@@ -9,6 +9,7 @@ import click
 from animeme.cli import options as shared
 from animeme.cli.running import Order, run_and_tell
 from animeme.executors.choice import Kind
+from animeme.selection import Selection
 
 
 @click.command("merge", epilog="Example: animeme merge job.toml --cache /mnt/farm/animeme")
@@ -31,10 +32,7 @@ def command(
     fail_on: str,
     speak: bool,
     cache: Path | None,
-    languages: tuple[str, ...],
-    characters: tuple[str, ...],
-    patterns: tuple[str, ...],
-    changed: tuple[Path, ...],
+    selection: Selection,
     as_json: bool,
 ) -> int:
     """Write the files and reports of a JOB whose lines were done by `animeme run --shard`.
@@ -43,7 +41,6 @@ def command(
     died or a line failed through no fault of its own, are done now. Files and reports are those of
     a single run.
     """
-    selection = shared.selected(languages, characters, patterns, changed)
     order = Order(
         job, output, workers, executor, scheduler, fail_on, speak, cache, selection, as_json
     )

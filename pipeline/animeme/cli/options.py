@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -108,27 +109,28 @@ _SELECTION = (
 
 
 def selection(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options that say which lines are wanted; `selected` takes them."""
-    for option in reversed(_SELECTION):
-        command = option(command)
-    return command
+    """Add the options that say which lines are wanted; the command is given one `selection`.
 
-
-def selected(
-    languages: Sequence[str],
-    characters: Sequence[str],
-    patterns: Sequence[str],
-    changed: Sequence[Path],
-) -> Selection:
-    """What the options of `selection` ask for.
-
-    Raises:
-        InputError: a list of changes cannot be read.
+    It raises InputError if a list of changes cannot be read.
     """
-    names = [name for path in changed for name in read_changed(path)]
-    return Selection(
-        tuple(languages), tuple(characters), tuple(patterns), tuple(names) if changed else None
-    )
+
+    @wraps(command)
+    def selecting(
+        *,
+        languages: tuple[str, ...],
+        characters: tuple[str, ...],
+        patterns: tuple[str, ...],
+        changed: tuple[Path, ...],
+        **others: Any,
+    ) -> Any:
+        names = tuple(name for path in changed for name in read_changed(path))
+        chosen = Selection(languages, characters, patterns, names if changed else None)
+        return command(selection=chosen, **others)
+
+    given: Callable[..., Any] = selecting
+    for option in reversed(_SELECTION):
+        given = option(given)
+    return given
 
 
 rehash = click.option(

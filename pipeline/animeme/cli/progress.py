@@ -8,11 +8,14 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import click
 
-from animeme.dataset import Listener as PartListener
 from animeme.runner import Progress
+
+if TYPE_CHECKING:
+    from animeme.dataset import Listener as PartListener
 
 # Where there is no terminal, a line this often.
 PLAIN_EVERY_S = 5.0

@@ -10,8 +10,8 @@ import click
 
 from animeme.cli import options as shared
 from animeme.cli.progress import progress
-from animeme.reviewable import open_reviewable
-from animeme.reviewing import Pictures, Reviewable, WrittenReview, picture, review
+from animeme.reviewable import open_reviewable, review
+from animeme.reviewing import Pictures, WrittenReview, picture
 from animeme.runner import Listener, Progress
 
 
@@ -66,22 +66,20 @@ def command(
     if (strip or video) and (single_file or against is not None):
         raise click.UsageError("--strip and --video go with neither --single-file nor --against.")
 
-    def opened(path: Path) -> Reviewable:
-        return open_reviewable(
-            path, dialogue=dialogue, language=language, rig=rig, aligner=aligner, lexicon=lexicon
-        )
-
     if strip or video:
+        subject = open_reviewable(
+            shown, dialogue=dialogue, language=language, rig=rig, aligner=aligner, lexicon=lexicon
+        )
         with progress() as listener:
             drawn = picture(
-                opened(shown), output, lines=lines, worst=worst, strips=strip, films=video,
+                subject, output, lines=lines, worst=worst, strips=strip, films=video,
                 listener=_heard(listener, "pictures"),
             )  # fmt: skip
         return _tell_pictures(drawn, output, as_json)
-    other = None if against is None else opened(against)
     with progress() as listener:
         written = review(
-            opened(shown), output, lines=lines, worst=worst, other=other, single_file=single_file,
+            shown, output, lines=lines, worst=worst, against=against, dialogue=dialogue,
+            language=language, rig=rig, aligner=aligner, lexicon=lexicon, single_file=single_file,
             listener=_heard(listener, "pages"),
         )  # fmt: skip
     _tell(written)

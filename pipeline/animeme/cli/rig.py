@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from animeme import api, registry
+from animeme import registry
+from animeme.assets import load_character
 from animeme.errors import InputError
 from animeme.files import anywhere, write_text
 from animeme.rig import BoundRig, Character, Drive
@@ -28,7 +29,7 @@ from animeme.rig import BoundRig, Character, Drive
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on stdout.")
 def command(asset: Path, rig: str, draft: Path | None, as_json: bool) -> int:
     """Say which profile fits ASSET, which of its shapes are mapped and which are missing."""
-    character = api.load_character(asset, within=anywhere(asset))
+    character = load_character(asset, within=anywhere(asset))
     if draft is not None:
         _write_draft(character, draft)
     bound, problem = _bound(character, rig)

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from animeme import api
+from animeme.batch import rehearse
 from animeme.cli import options as shared
 from animeme.cli.running import MOST_SHOWN, Order, run_and_tell
 from animeme.executors.choice import Kind
-from animeme.rehearsal import Rehearsal
 from animeme.runner import Shard
+from animeme.selection import Selection
+
+if TYPE_CHECKING:
+    from animeme.rehearsal import Rehearsal
 
 
 def _shard(_: click.Context, __: click.Parameter, value: str | None) -> str | None:
@@ -59,10 +63,7 @@ def command(
     rehash: bool,
     dry_run: bool,
     shard: str | None,
-    languages: tuple[str, ...],
-    characters: tuple[str, ...],
-    patterns: tuple[str, ...],
-    changed: tuple[Path, ...],
+    selection: Selection,
     as_json: bool,
 ) -> int:
     """Run JOB: align its dialogue, animate its characters, write and check the assets.
@@ -90,7 +91,7 @@ def command(
         fail_on,
         speak,
         False if no_cache else cache,
-        shared.selected(languages, characters, patterns, changed),
+        selection,
         as_json,
         rehash,
         shard,
@@ -100,7 +101,7 @@ def command(
 
 def _rehearse(order: Order) -> int:
     """Say what would be done."""
-    rehearsal = api.rehearse(
+    rehearsal = rehearse(
         order.job,
         output=order.output,
         speak=order.speak,

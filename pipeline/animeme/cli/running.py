@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import click
 
-from animeme import api
+from animeme.batch import run
 from animeme.cli.progress import Teller, progress
 from animeme.executors.choice import Kind, place
 from animeme.findings import RunReport, Severity
@@ -57,7 +57,7 @@ def run_and_tell(order: Order) -> tuple[RunReport | None, int]:
     folder = order.folder
     with progress() as teller:
         try:
-            report = api.run(
+            report = run(
                 order.job,
                 output=folder,
                 executor=order.executor,

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import click
 
-from animeme import api, registry
+from animeme import registry
 from animeme.cli import options as shared
+from animeme.speech import speak
 
 
 @click.command("speak", epilog='Example: animeme speak "Hallo Welt" --language de --output hi.wav')
@@ -47,7 +48,7 @@ def command(
     transcript = Path(text)
     if transcript.suffix.lower() in (".txt", ".lab"):
         text = registry.stage("read-transcript")(transcript)
-    spoken = api.speak(text, language=language, words_per_minute=words_per_minute, output=output)
+    spoken = speak(text, language=language, words_per_minute=words_per_minute, output=output)
     track = spoken.alignment.track
     if timings is not None:
         registry.stage("write-timings")(track, timings, form)

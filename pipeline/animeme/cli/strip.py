@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from animeme import api
+from animeme.assets import strip
 
 
 @click.command("strip", epilog="Example: animeme strip out/sample/en/ada.glb --output ada.glb")
@@ -23,7 +23,7 @@ def command(file: Path, output: Path | None, as_json: bool) -> int:
     was edited since is refused, and stays as it is.
     """
     before = file.stat().st_size if file.is_file() else 0
-    taken = api.strip(file, output=output)
+    taken = strip(file, output=output)
     target = output or file
     after = target.stat().st_size
     if as_json:

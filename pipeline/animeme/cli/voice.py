@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 
-from animeme import api
 from animeme.cli import options as shared
 from animeme.cli.progress import progress
 from animeme.executors.choice import Kind
+from animeme.speech import learn_voices
 from animeme.voices import VoicesReport
 
 
@@ -46,7 +46,7 @@ def command(
     out. `animeme align --voices` and a job's [align] voices use what was learned.
     """
     with progress() as listener:
-        report = api.learn_voices(
+        report = learn_voices(
             path,
             output=output,
             language=language,

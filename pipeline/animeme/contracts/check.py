@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
-from animeme.contracts.format import Format, LineAnimation
-from animeme.curves import CurveSet
-from animeme.findings import Finding
-from animeme.phones import PhoneTrack
-from animeme.rig import BoundRig, Character
+if TYPE_CHECKING:
+    from animeme.contracts.format import Format, LineAnimation
+    from animeme.curves import CurveSet
+    from animeme.findings import Finding
+    from animeme.phones import PhoneTrack
+    from animeme.rig import BoundRig, Character
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
-from animeme.curves import CurveSet
-from animeme.phones import Event
-from animeme.rig import Character
+if TYPE_CHECKING:
+    from animeme.curves import CurveSet
+    from animeme.phones import Event
+    from animeme.rig import Character
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, Protocol, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
-from animeme.curves import CurveSet
-from animeme.dataset import Dataset, Listener, no_listener
-from animeme.findings import Finding
-from animeme.phones import PhoneTrack
+if TYPE_CHECKING:
+    from animeme.curves import CurveSet
+    from animeme.dataset import Dataset, Listener
+    from animeme.findings import Finding
+    from animeme.phones import PhoneTrack
 
 
 class Model(Protocol):
@@ -46,7 +47,7 @@ class Model(Protocol):
         """
         ...
 
-    def fit(self, dataset: Dataset, *, listener: Listener = no_listener) -> Self:
+    def fit(self, dataset: Dataset, *, listener: Listener = ...) -> Self:
         """A new model with the same options, fitted to captured motion.
 
         The same dataset gives the same model, to the last bit. Where values are missing (NaN) the

@@ -39,7 +39,7 @@ ASK_EVERY_S = 0.25
 IDLE_S = 15.0
 CODE_TIMEOUT_S = 300.0
 # What a run calls, besides plug-ins.
-_ENGINE = ("animeme.tasks", "animeme.writing", "animeme.preflight")
+_ENGINE = ("animeme.animating", "animeme.writing", "animeme.preflight")
 _OWN = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
 
 

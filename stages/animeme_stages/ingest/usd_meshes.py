@@ -6,9 +6,13 @@ away.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from pxr import Sdf, Usd, UsdGeom, UsdSkel
+
+# Instances' own prims too.
+EVERYWHERE = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 
 
 @dataclass(frozen=True)
@@ -32,25 +36,30 @@ def speaking_meshes(stage: Usd.Stage) -> tuple[SpeakingMesh, ...]:
 
     Meshes inside instances are included: only the skeleton must be editable to drive them.
     """
-    everywhere = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
-    cache = UsdSkel.Cache()
     found: dict[Sdf.Path, SpeakingMesh] = {}
-    for prim in Usd.PrimRange.Stage(stage, everywhere):
+    for skeleton, query in skinning_targets(stage):
+        if query.HasBlendShapes() and query.GetPrim().IsA(UsdGeom.Mesh):
+            path = query.GetPrim().GetPath()
+            found[path] = SpeakingMesh(path, _shapes(stage, query), skeleton.GetPath())
+    return tuple(
+        found[prim.GetPath()]
+        for prim in Usd.PrimRange.Stage(stage, EVERYWHERE)
+        if prim.GetPath() in found and found[prim.GetPath()].shapes
+    )
+
+
+def skinning_targets(stage: Usd.Stage) -> Iterator[tuple[Usd.Prim, UsdSkel.SkinningQuery]]:
+    """Everything that a skeleton moves: the skeleton's prim, and how it does."""
+    cache = UsdSkel.Cache()
+    for prim in Usd.PrimRange.Stage(stage, EVERYWHERE):
         if not prim.IsA(UsdSkel.Root):
             continue
         root = UsdSkel.Root(prim)
-        cache.Populate(root, everywhere)
-        for binding in cache.ComputeSkelBindings(root, everywhere):
-            skeleton = binding.GetSkeleton().GetPrim().GetPath()
+        cache.Populate(root, EVERYWHERE)
+        for binding in cache.ComputeSkelBindings(root, EVERYWHERE):
+            skeleton = binding.GetSkeleton().GetPrim()
             for query in binding.GetSkinningTargets():
-                if query.HasBlendShapes() and query.GetPrim().IsA(UsdGeom.Mesh):
-                    path = query.GetPrim().GetPath()
-                    found[path] = SpeakingMesh(path, _shapes(stage, query), skeleton)
-    return tuple(
-        found[prim.GetPath()]
-        for prim in Usd.PrimRange.Stage(stage, everywhere)
-        if prim.GetPath() in found and found[prim.GetPath()].shapes
-    )
+                yield skeleton, query
 
 
 def _shapes(stage: Usd.Stage, query: UsdSkel.SkinningQuery) -> tuple[str, ...]:

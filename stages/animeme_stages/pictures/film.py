@@ -17,7 +17,7 @@ from animeme_stages.pictures.framing import face_camera, limits_of, ranges_of
 from animeme_stages.pictures.played import Played, read_played
 from animeme_stages.pictures.scene import Scene, scene_of
 from animeme_stages.pictures.shade import Pixels, Renderer
-from animeme_stages.pictures.strip import fitted
+from animeme_stages.pictures.strip import fitted, require_suffix
 
 SMALLEST_PX, LARGEST_PX = 120, 2160
 # Of the film's height, what the caption takes.
@@ -58,13 +58,7 @@ def film(
         raise ValueError(f"rate_hz must be from 1 to 120, not {rate_hz}")
     if not SMALLEST_PX <= height_px <= LARGEST_PX:
         raise ValueError(f"height_px must be from {SMALLEST_PX} to {LARGEST_PX}, not {height_px}")
-    if output.suffix.lower() != ".mp4":
-        raise InputError(
-            "output-suffix",
-            "is no MP4 by its name",
-            place=str(output),
-            action="Call it .mp4.",
-        )
+    require_suffix(output, ".mp4")
     write = encode.writer()
     sound = None if audio is None else _sound(audio)
     scene = scene_of(asset)

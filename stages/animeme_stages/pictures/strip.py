@@ -51,7 +51,7 @@ def draw_strip(
     """
     if not 1 <= moments <= MOST_MOMENTS:
         raise ValueError(f"moments must be from 1 to {MOST_MOMENTS}, not {moments}")
-    _require_suffix(output)
+    require_suffix(output, ".png")
     scene = scene_of(asset)
     played = read_played(scene.character, animation)
     duration_s = played.duration_s if track is None else track.duration_s
@@ -65,13 +65,22 @@ def draw_strip(
         image.save(scratch, format="PNG", optimize=True)
 
 
-def _require_suffix(output: Path) -> None:
-    if output.suffix.lower() != ".png":
+def require_suffix(output: Path, suffix: str) -> None:
+    """Refuse a file whose name does not say what it will be.
+
+    Args:
+        output: the file.
+        suffix: of its name, with the dot, in lower case.
+
+    Raises:
+        InputError: it ends in another.
+    """
+    if output.suffix.lower() != suffix:
         raise InputError(
             "output-suffix",
-            "is no PNG by its name",
+            f"is no {suffix[1:].upper()} by its name",
             place=str(output),
-            action="Call it .png.",
+            action=f"Call it {suffix}.",
         )
 
 

@@ -12,6 +12,7 @@ from pxr import Ar, Gf, Usd, UsdGeom, UsdShade, UsdSkel
 from animeme.errors import InputError
 from animeme.rig import Character
 from animeme_stages.ingest.usd import open_stage, usd_errors
+from animeme_stages.ingest.usd_meshes import EVERYWHERE
 from animeme_stages.pictures import textures
 from animeme_stages.pictures.raster import Floats, Indices, Singles
 from animeme_stages.pictures.scene import (
@@ -27,7 +28,6 @@ from animeme_stages.pictures.scene import (
     welded,
 )
 
-_EVERYWHERE = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 _BROKEN = (IndexError, MemoryError, TypeError, ValueError)
 
 
@@ -66,10 +66,10 @@ class _Reader:
 
     def meshes(self) -> Iterator[SceneMesh]:
         """Every mesh that is visible and no guide or proxy."""
-        for prim in Usd.PrimRange.Stage(self.stage, _EVERYWHERE):
+        for prim in Usd.PrimRange.Stage(self.stage, EVERYWHERE):
             if prim.IsA(UsdSkel.Root):
-                self.skeletons.Populate(UsdSkel.Root(prim), _EVERYWHERE)
-        for prim in Usd.PrimRange.Stage(self.stage, _EVERYWHERE):
+                self.skeletons.Populate(UsdSkel.Root(prim), EVERYWHERE)
+        for prim in Usd.PrimRange.Stage(self.stage, EVERYWHERE):
             if not prim.IsA(UsdGeom.Mesh):
                 continue
             mesh = UsdGeom.Mesh(prim)

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from html import escape  # that of xml.sax would bring http and ssl
 from itertools import chain
 from pathlib import Path
-from xml.sax.saxutils import escape
 
 from animeme.ci import Case
 from animeme.files import update_text
@@ -20,7 +20,8 @@ from animeme.findings import Finding, RunReport, Severity
 # What XML 1.0 cannot say.
 _UNSAYABLE = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _PLAIN = re.compile(r"[\w /.,:;()'-]*")  # needs no second look: most names, of which there are many
-_IN_ATTRIBUTES = {'"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
+_IN_TEXT = str.maketrans({"\r": "&#13;"})
+_IN_ATTRIBUTES = str.maketrans({'"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
 
 
 def write(report: RunReport, output: Path) -> Path:
@@ -122,10 +123,14 @@ def _content(case: Case, fail_on: Severity) -> tuple[str, str]:
 
 def _lines(findings: Iterable[Finding]) -> str:
     said = "\n".join(str(finding) for finding in findings)
-    return escape(_UNSAYABLE.sub("\ufffd", said), {"\r": "&#13;"})
+    return _escaped(said).translate(_IN_TEXT)
 
 
 def _attribute(text: str) -> str:
     if _PLAIN.fullmatch(text):
         return text
-    return escape(_UNSAYABLE.sub("\ufffd", text), _IN_ATTRIBUTES)
+    return _escaped(text).translate(_IN_ATTRIBUTES)
+
+
+def _escaped(text: str) -> str:
+    return escape(_UNSAYABLE.sub("\ufffd", text), quote=False)

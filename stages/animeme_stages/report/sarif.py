@@ -13,9 +13,8 @@ from typing import Any
 from urllib.parse import quote
 
 from animeme.ci import Rule
-from animeme.delivery import Complaint
 from animeme.files import update_text
-from animeme.findings import Finding, RunReport, Severity
+from animeme.findings import Complaint, Finding, RunReport, Severity
 from animeme_stages.report.json_report import as_rows, said
 
 _SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from animeme.delivery import Complaint
-from animeme.findings import Finding, Severity
+from animeme.findings import Complaint, Finding, Severity
 from animeme.phones import PhoneTrack
 from animeme.reviewing import Detail, Performed, Reviewable, ReviewedLine, when_of
 from animeme_stages.review.sound import PEAKS_HZ, Sound

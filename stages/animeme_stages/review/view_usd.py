@@ -13,6 +13,7 @@ from pxr import Gf, Usd, UsdGeom, UsdShade, UsdSkel
 from animeme import registry
 from animeme.files import anywhere
 from animeme_stages.ingest.usd import open_stage, usd_errors
+from animeme_stages.ingest.usd_meshes import EVERYWHERE, skinning_targets
 from animeme_stages.review.view import MeshView, View, is_cover
 from animeme_stages.review.view_gltf import pack
 
@@ -59,9 +60,7 @@ class _Maker:
         self._upright = _upright(stage)
         self.views: list[MeshView] = []
         self.notes: list[str] = []
-        for prim in Usd.PrimRange.Stage(
-            stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
-        ):
+        for prim in Usd.PrimRange.Stage(stage, EVERYWHERE):
             if prim.IsA(UsdGeom.Mesh) and _is_seen(UsdGeom.Imageable(prim)):
                 self._mesh(UsdGeom.Mesh(prim))
 
@@ -242,20 +241,11 @@ class _Maker:
 
 def _skins(stage: Usd.Stage) -> dict[Any, tuple[Usd.Prim, Gf.Matrix4d]]:
     """Skinned mesh → its skeleton, and the transform that its points were bound in."""
-    everywhere = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
-    found = {}
-    cache = UsdSkel.Cache()
-    for prim in Usd.PrimRange.Stage(stage, everywhere):
-        if not prim.IsA(UsdSkel.Root):
-            continue
-        root = UsdSkel.Root(prim)
-        cache.Populate(root, everywhere)
-        for binding in cache.ComputeSkelBindings(root, everywhere):
-            for query in binding.GetSkinningTargets():
-                if query.HasJointInfluences():
-                    bind = query.GetGeomBindTransform()
-                    found[query.GetPrim().GetPath()] = (binding.GetSkeleton().GetPrim(), bind)
-    return found
+    return {
+        query.GetPrim().GetPath(): (skeleton, query.GetGeomBindTransform())
+        for skeleton, query in skinning_targets(stage)
+        if query.HasJointInfluences()
+    }
 
 
 def _upright(stage: Usd.Stage) -> NDArray[np.float64]:
