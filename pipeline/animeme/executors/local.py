@@ -141,9 +141,11 @@ class LocalExecutor:
         children = self._children
         while not self._stopped.is_set() and (waiting or any(child.task for child in children)):
             busy = sum(child.task is not None for child in children)
-            with _single_threaded(), uninterrupted():
-                while len(children) < min(self.workers, busy + len(waiting)):
-                    children.append(_Child(multiprocessing.get_context("spawn")))
+            wanted = min(self.workers, busy + len(waiting))
+            if len(children) < wanted:
+                with _single_threaded(), uninterrupted():
+                    while len(children) < wanted:
+                        children.append(_Child(multiprocessing.get_context("spawn")))
             if self._stopped.is_set():
                 return  # `stop` may have come too early to see the newest child
             for child in [child for child in children if child.task is None]:
@@ -172,10 +174,23 @@ def uninterrupted() -> Iterator[None]:
     """Start processes and threads that Ctrl-C does not reach; this one hears of it afterwards."""
     resource_tracker.ensure_running()  # where it is started, it lets the signal through again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    heard: list[int] = []
+    # The system may give the signal to another thread, but it is the main one that it interrupts.
+    handler = signal.getsignal(signal.SIGINT) if _is_main() else None
+    if handler is not None:
+        signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
     try:
         yield
     finally:
+        if handler is not None:
+            signal.signal(signal.SIGINT, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if heard:
+            signal.raise_signal(signal.SIGINT)
+
+
+def _is_main() -> bool:
+    return threading.current_thread() is threading.main_thread()
 
 
 @contextmanager
