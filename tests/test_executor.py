@@ -196,13 +196,18 @@ def test_a_run_leaves_the_environment_as_it_was(monkeypatch: pytest.MonkeyPatch)
 
 def test_ctrl_c_waits_while_processes_start_whichever_thread_hears_it() -> None:
     over, reached = threading.Event(), []
-    other = threading.Thread(target=over.wait)
-    other.start()
-    try:
-        with pytest.raises(KeyboardInterrupt), uninterrupted():
+
+    def begin() -> None:
+        with uninterrupted():
             os.kill(os.getpid(), signal.SIGINT)
             over.wait(0.05)
             reached.append(signal.pthread_sigmask(signal.SIG_BLOCK, ()))
+
+    other = threading.Thread(target=over.wait)
+    other.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            begin()
     finally:
         over.set()
         other.join()
