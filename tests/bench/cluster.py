@@ -17,6 +17,7 @@ import argparse
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -136,22 +137,23 @@ def namespaces(count: int) -> Iterator[tuple[list[list[str]], str]]:
     """Words before a command for each namespace, and the first one's address on their bridge."""
     mark = f"am{os.getpid() % 10000}"
     names = [f"{mark}n{number}" for number in range(count)]
+    net = f"10.213.{os.getpid() % 250}"  # another bench may run beside this one
 
     def ip(*words: str) -> None:
         subprocess.run(["ip", *words], check=True, capture_output=True)
 
     try:
         ip("link", "add", f"{mark}br", "type", "bridge")
-        ip("addr", "add", "10.213.7.254/24", "dev", f"{mark}br")
+        ip("addr", "add", f"{net}.254/24", "dev", f"{mark}br")
         ip("link", "set", f"{mark}br", "up")
         for number, name in enumerate(names, 1):
             ip("netns", "add", name)
             ip("link", "add", f"{mark}v{number}", "type", "veth", "peer", "eth0", "netns", name)
             ip("link", "set", f"{mark}v{number}", "master", f"{mark}br", "up")
-            ip("-n", name, "addr", "add", f"10.213.7.{number}/24", "dev", "eth0")
+            ip("-n", name, "addr", "add", f"{net}.{number}/24", "dev", "eth0")
             ip("-n", name, "link", "set", "eth0", "up")
             ip("-n", name, "link", "set", "lo", "up")
-        yield [["ip", "netns", "exec", name] for name in names], "10.213.7.1"
+        yield [["ip", "netns", "exec", name] for name in names], f"{net}.1"
     finally:
         for number, name in enumerate(names, 1):
             subprocess.run(["ip", "link", "del", f"{mark}v{number}"], capture_output=True)
@@ -240,6 +242,7 @@ def main() -> None:
     parser.add_argument("--no-kill", action="store_true", help="only the cost against the pool")
     parser.add_argument("--turns", type=int, default=1, help="of both; the figure is the median's")
     chosen = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("stopped"))  # the cluster ends with us
     with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
         folder = Path(name)
         dialogue(folder / "dialogue" / "en", chosen.lines)

@@ -42,6 +42,7 @@ HURRIED = (
 )
 LIMIT_S = 2 * PATIENCE_S
 AMPLE = "64m"
+SCRATCH = "dask-scratch-space"  # which Dask keeps to itself, and for as long as it lives
 
 
 def chaotic_job(folder: Path) -> SmallJob:
@@ -217,7 +218,7 @@ class Chaos:
         left = [path for place in (self.job.folder, output) for path in place.rglob(".*")]
         stores = (self.cache / "store", self.mount / "store", self.mount / "cache" / "store")
         for place in (*(store / "tmp" for store in stores), *self.temporary):
-            left += place.rglob("*")
+            left += [path for path in place.rglob("*") if SCRATCH not in path.parts]
         assert not left, f"{this}: {left}"
         ended = wait_for(lambda: not self.cluster.strays(), 10)
         assert ended, f"{this}: processes outlive their Dask worker: {self.cluster.strays()}"
