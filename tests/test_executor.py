@@ -7,6 +7,7 @@ import os
 import random
 import select
 import signal
+import threading
 from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import pytest
 
 from animeme.executors import Executor, Result
 from animeme.executors.inline import InlineExecutor
-from animeme.executors.local import LocalExecutor
+from animeme.executors.local import LocalExecutor, uninterrupted
 from support.clusters import cluster_here, wait_for
 from support.jobs import PATIENCE_S
 from support.patience import patience
@@ -233,3 +234,24 @@ def test_a_run_leaves_the_environment_as_it_was(monkeypatch: pytest.MonkeyPatch)
     before = dict(os.environ)
     results("double", [1])
     assert dict(os.environ) == before
+
+
+def test_ctrl_c_waits_while_processes_start_whichever_thread_hears_it() -> None:
+    over, reached = threading.Event(), []
+
+    def begin() -> None:
+        with uninterrupted():
+            os.kill(os.getpid(), signal.SIGINT)
+            over.wait(0.05)
+            reached.append(signal.pthread_sigmask(signal.SIG_BLOCK, ()))
+
+    other = threading.Thread(target=over.wait)
+    other.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            begin()
+    finally:
+        over.set()
+        other.join()
+    assert reached == [{signal.SIGINT}]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

@@ -193,7 +193,8 @@ class LocalExecutor:
         if more > 0:  # what follows costs its time even where there is nothing to start
             with _single_threaded(), uninterrupted():
                 context = multiprocessing.get_context("spawn")
-                self._children += [_Child(context) for _ in range(more)]
+                for _ in range(more):
+                    self._children.append(_Child(context))
 
     def _end(self) -> None:
         for child in self._children:
@@ -206,10 +207,23 @@ def uninterrupted() -> Iterator[None]:
     """Start processes and threads that Ctrl-C does not reach; this one hears of it afterwards."""
     resource_tracker.ensure_running()  # where it is started, it lets the signal through again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    heard: list[int] = []
+    # The system may give the signal to another thread, but it is the main one that it interrupts.
+    handler = signal.getsignal(signal.SIGINT) if _is_main() else None
+    if handler is not None:
+        signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
     try:
         yield
     finally:
+        if handler is not None:
+            signal.signal(signal.SIGINT, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if heard:
+            signal.raise_signal(signal.SIGINT)
+
+
+def _is_main() -> bool:
+    return threading.current_thread() is threading.main_thread()
 
 
 @contextmanager
