@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ import pytest
 import animeme
 from animeme.errors import InputError
 from animeme.executors import crew
-from support.clusters import Cluster, cluster_here
+from support.clusters import Cluster, children, cluster_here, wait_for
 from support.jobs import Capture, SmallJob, console, digests, small_job
 from support.jobs import animeme as command
 from support.patience import patience
@@ -107,6 +108,20 @@ def test_a_worker_that_sees_other_files_is_refused(
     assert error.code == "worker-blind"
     assert str(tmp_path / "job.toml") in error.problem
     assert not marks[0].exists()
+
+
+@pytest.mark.slow
+def test_processes_that_are_at_rest_for_long_end_and_come_back(
+    address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(crew, "IDLE_S", 1.0)
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
+    with DaskExecutor(address) as executor:
+        for _ in range(2):
+            ran = executor.run("support.work:double", [1], timeout_s=60, retries=0)
+            assert [result.value for result in ran] == [2]
+            assert children(os.getpid())  # the cluster is in this process
+            assert wait_for(lambda: not children(os.getpid()), 30)
 
 
 @pytest.mark.slow

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import random
 import select
 import signal
+import threading
 from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,8 +16,8 @@ import pytest
 
 from animeme.executors import Executor, Result
 from animeme.executors.inline import InlineExecutor
-from animeme.executors.local import LocalExecutor
-from support.clusters import cluster_here
+from animeme.executors.local import LocalExecutor, uninterrupted
+from support.clusters import cluster_here, wait_for
 from support.jobs import PATIENCE_S
 from support.patience import patience
 
@@ -109,6 +111,47 @@ def test_one_worker_gives_results_in_order() -> None:
         assert [result.index for result in run] == list(range(9))
 
 
+@pytest.mark.parametrize("chosen", [InlineExecutor(), LocalExecutor(2)], ids=["inline", "local"])
+def test_work_begins_before_all_of_it_is_known(tmp_path: Path, chosen: Executor) -> None:
+    first = tmp_path / "first"
+
+    def names() -> Iterator[str]:
+        yield str(first)
+        assert wait_for(first.exists, PATIENCE_S)
+        yield str(tmp_path / "second")
+
+    with patience():
+        run = chosen.run("support.work:touch", names(), timeout_s=PATIENCE_S, retries=1)
+        assert {(result.index, result.outcome) for result in run} == {(0, "ok"), (1, "ok")}
+
+
+def test_what_is_to_be_done_is_not_drawn_long_before(tmp_path: Path) -> None:
+    drawn = 0
+
+    def numbers() -> Iterator[int]:
+        nonlocal drawn
+        while drawn < 100_000:
+            drawn += 1
+            yield drawn
+
+    with patience():
+        run = LocalExecutor(1).run("support.work:double", numbers(), timeout_s=60, retries=1)
+        assert next(iter(run)).value == 2
+        assert drawn < 20_000
+        run.close()  # type: ignore[attr-defined]
+
+
+def test_what_cannot_be_drawn_ends_the_run_and_its_workers() -> None:
+    def numbers() -> Iterator[int]:
+        yield 1
+        raise LookupError("no more of them")
+
+    before = {*multiprocessing.active_children()}
+    with patience(), pytest.raises(LookupError, match="no more"):
+        list(LocalExecutor(2).run("support.work:process_id", numbers(), timeout_s=60, retries=1))
+    assert {*multiprocessing.active_children()} <= before
+
+
 def test_a_worker_does_many_tasks(supervised: Executor) -> None:
     found = results("process_id", range(20), executor=supervised)
     assert 1 <= len({result.value for result in found}) <= 2
@@ -191,3 +234,24 @@ def test_a_run_leaves_the_environment_as_it_was(monkeypatch: pytest.MonkeyPatch)
     before = dict(os.environ)
     results("double", [1])
     assert dict(os.environ) == before
+
+
+def test_ctrl_c_waits_while_processes_start_whichever_thread_hears_it() -> None:
+    over, reached = threading.Event(), []
+
+    def begin() -> None:
+        with uninterrupted():
+            os.kill(os.getpid(), signal.SIGINT)
+            over.wait(0.05)
+            reached.append(signal.pthread_sigmask(signal.SIG_BLOCK, ()))
+
+    other = threading.Thread(target=over.wait)
+    other.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            begin()
+    finally:
+        over.set()
+        other.join()
+    assert reached == [{signal.SIGINT}]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

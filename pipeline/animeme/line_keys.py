@@ -148,7 +148,13 @@ class Keyring:
         return [self._item(number, line, targets, spool) for number, line, targets in lines]
 
     def _item(self, number: int, line: Line, targets: tuple[int, ...], spool: Path) -> LineItem:
-        keys, stamps, _ = self._line(line, targets)
+        return self._item_and_parts(number, line, targets, spool)[0]
+
+    def _item_and_parts(
+        self, number: int, line: Line, targets: tuple[int, ...], spool: Path
+    ) -> tuple[LineItem, Parts]:
+        """Work on a line, and what of it people are told of."""
+        keys, stamps, parts = self._line(line, targets)
         if keys.align:
             content = [keys.align, *(text for entry in keys.by_hand for text in entry)]
             for index in targets:
@@ -156,7 +162,7 @@ class Keyring:
                 own = self.targets[index].model is not None  # whose its remarks are
                 content += [model if self._drawn(line, index) is None else "", rig, str(own)]
             keys = replace(keys, end=key_of("line", content))
-        return LineItem(line, targets, spool, number, keys, stamps)
+        return LineItem(line, targets, spool, number, keys, stamps), parts
 
     def _drawn(self, line: Line, target: int) -> Path | None:
         return drawn(line, self.targets[target].character) if line.side_cars else None

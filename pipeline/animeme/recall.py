@@ -19,7 +19,7 @@ from animeme.job import Job
 from animeme.line_keys import Keyring
 from animeme.packing import curve_head, delivered_parts, packed, places, unpacked
 from animeme.recent import Recent, files_of, look_of, stamped
-from animeme.store.keys import canonical, key_of, target_parts
+from animeme.store.keys import Parts, canonical, key_of, target_parts
 from animeme.store.memory import Memory
 from animeme.tasks import (
     Delivered,
@@ -66,6 +66,8 @@ class Recall(Keyring):
         self.dry = dry
         self.started_s = time.time()
         self._recent = Recent(memory, f"lines of {os.path.abspath(job.source)}")
+        self._causes: dict[int, dict[str, str]] = {}
+        self._shared: dict[tuple[int, ...], dict[str, str]] = {}
 
     def looked_up(
         self, lines: Iterable[tuple[int, Line, tuple[int, ...]]], spool: Path
@@ -122,12 +124,14 @@ class Recall(Keyring):
         self.memory.digests.load(
             path for _, line, _ in entries for path in (*files_of(line), *self._documents(line))
         )
-        items = [self._item(*entry, spool) for entry in entries]
-        wanted = [f"line:{item.keys.end}" for item in items]
-        notes = self.memory.index.notes(dict.fromkeys(wanted))
-        for item, name in zip(items, wanted, strict=True):
-            noted = notes.get(name) if item.keys.end else None
-            yield item, self._outcome(item, json.loads(noted)) if noted else None
+        keyed = [self._item_and_parts(*entry, spool) for entry in entries]
+        notes = self.memory.index.notes({f"line:{item.keys.end}" for item, _ in keyed})
+        for item, parts in keyed:
+            noted = notes.get(f"line:{item.keys.end}") if item.keys.end else None
+            outcome = self._outcome(item, json.loads(noted)) if noted else None
+            if outcome is None:
+                self._causes[item.number] = self._told_causes(item, parts)
+            yield item, outcome
 
     def previous(self, item: LineItem) -> LineOutcome | None:
         """What was delivered last of a line, if all its targets can still have it."""
@@ -296,14 +300,15 @@ class Recall(Keyring):
         # Where nothing is delivered, nothing is known of the output folder.
         if not self._delivers:
             return
+        causes = self._causes.pop(item.number, None)
         if outcome is not None:
             self.learn(outcome.delivered)
         if outcome is None or not self._lasts(outcome) or not item.keys.end:
             if item.keys.end:
                 self._recent.forget(item.line.key, {"key": item.keys.end})
             return
-        causes = json.dumps(self._causes(item), separators=(",", ":"))
-        self.memory.index.set_note(f"causes:{item.keys.end}", causes)
+        if causes is not None:
+            self.memory.index.set_note(f"causes:{item.keys.end}", _as_json(causes))
         tokens = self._tokens(item)
         place = {self.targets[i].character: n for n, i in reversed([*enumerate(item.targets)])}
         rows: dict[int | None, list[Any]] = {}
@@ -331,8 +336,7 @@ class Recall(Keyring):
         return outcome.final and not ours
 
     def _note(self, key: str, noted: Mapping[str, Any]) -> None:
-        text = json.dumps(noted, ensure_ascii=False, separators=(",", ":"))
-        self.memory.index.set_note(f"line:{key}", text)
+        self.memory.index.set_note(f"line:{key}", _as_json(noted))
 
     def learn(self, files: Iterable[Delivered]) -> None:
         """Take in the digests of files that were just written."""
@@ -352,20 +356,26 @@ class Recall(Keyring):
         noted = self.memory.index.note(f"causes:{before}") if before else None
         if noted is None:
             return ("new",)
-        old, new = json.loads(noted), self._causes(item)
+        old, new = json.loads(noted), self._causes.pop(item.number, None)
+        if new is None:
+            new = self._told_causes(item, self._line(item.line, item.targets)[2])
         changed = [cause for cause in new if new[cause] != old.get(cause)]
         return tuple(changed) or ("not kept: it failed through no fault of its own",)
 
-    def _causes(self, item: LineItem) -> dict[str, str]:
-        """Cause → short digest of what a line's results depend on."""
-        causes = {
-            "curve settings": self._settings,
-            **self._line(item.line, item.targets)[2],
-            "model": canonical([self._models[index] for index in item.targets]),
-            "rig": canonical([self._rigs[index] for index in item.targets]),
-            "code": canonical(self._all_codes),
-        }
-        return {cause: sha256(text.encode()).hexdigest()[:8] for cause, text in causes.items()}
+    def _told_causes(self, item: LineItem, parts: Parts) -> dict[str, str]:
+        """Cause → short digest of what a line's results depend on; of its own, they are `parts`."""
+        own = {cause: _short(text) for cause, text in parts.items()}
+        return {"curve settings": self._settings, **own, **self._shared_causes(item.targets)}
+
+    def _shared_causes(self, targets: tuple[int, ...]) -> dict[str, str]:
+        """What all lines of the same targets depend on."""
+        if targets not in self._shared:
+            self._shared[targets] = {
+                "model": _short(canonical([self._models[index] for index in targets])),
+                "rig": _short(canonical([self._rigs[index] for index in targets])),
+                "code": _short(canonical(self._all_codes)),
+            }
+        return self._shared[targets]
 
     @cached_property
     def _rigs(self) -> list[str]:
@@ -374,7 +384,8 @@ class Recall(Keyring):
 
     @cached_property
     def _settings(self) -> str:
-        return "\n".join(part.get("curve settings", "") for part in self._common.values())
+        parts = self._common.values()
+        return _short("\n".join(part.get("curve settings", "") for part in parts))
 
     @cached_property
     def _all_codes(self) -> list[str]:
@@ -396,3 +407,10 @@ class Recall(Keyring):
             *(self._lexicon.state, job.speak),
         ]
         return key_of("recent", [canonical(parts)])[:16]
+
+
+_as_json = json.JSONEncoder(ensure_ascii=False, separators=(",", ":")).encode
+
+
+def _short(text: str) -> str:
+    return sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:8]

@@ -20,6 +20,7 @@ from animeme.store.memory import Memory
 Stamps = tuple[tuple[str, str], ...]
 """(file, its stamp) each."""
 
+_as_json = json.JSONEncoder(ensure_ascii=False, separators=(",", ":")).encode
 # Half of what waits for its files to settle has done so by then.
 _AT_ONCE = 2_000
 _VALUES = tuple(name for name, declared in LINE.items() if isinstance(declared, Value))
@@ -53,7 +54,7 @@ class Recent:
 
     def put(self, name: str, seen: str, known: Mapping[str, Any], files: Stamps) -> None:
         """Remember a thing once all of these files show any further change."""
-        text = json.dumps(known, ensure_ascii=False, separators=(",", ":"))
+        text = _as_json(known)
         self._waiting.append((name, seen, text, files))
         if len(self._waiting) >= _AT_ONCE:
             self._memory.digests.settle()

@@ -17,20 +17,23 @@ import argparse
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from statistics import median
+from typing import NamedTuple
 
 import soundfile
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from support.clusters import Cluster, children, wait_for
+from support.clusters import Cluster, wait_for
 from support.jobs import digests
 
 ROOT = Path(__file__).parents[2]
@@ -60,6 +63,14 @@ def dialogue(folder: Path, count: int) -> None:
         target.with_suffix(".txt").write_text(text, encoding="utf-8")
 
 
+class Cost(NamedTuple):
+    """What a run took: seconds, CPU-seconds of all processes, those beside the stages' own."""
+
+    wall_s: float
+    cpu_s: float
+    own_s: float
+
+
 class Meter:
     """CPU time of processes and all that they start, those that end meanwhile included."""
 
@@ -86,15 +97,20 @@ class Meter:
 
     def look(self) -> None:
         """Read the kernel's counts."""
-        waiting = [*self._roots]
+        stats: dict[int, list[str]] = {}
+        children: dict[int, list[int]] = {}
+        for entry in os.scandir("/proc"):
+            if entry.name.isdecimal():
+                with suppress(OSError):
+                    text = Path(entry.path, "stat").read_text().rpartition(")")[2].split()
+                    stats[int(entry.name)] = text
+                    children.setdefault(int(text[1]), []).append(int(entry.name))
+        waiting = [root for root in self._roots if root in stats]
         while waiting:
             process = waiting.pop()
-            try:
-                text = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-            except OSError:
-                continue
+            text = stats[process]
             self._seen[process, int(text[19])] = (int(text[11]) + int(text[12])) / TICKS
-            waiting += children(process)
+            waiting += children.get(process, ())
 
     @property
     def cpu_s(self) -> float:
@@ -121,22 +137,23 @@ def namespaces(count: int) -> Iterator[tuple[list[list[str]], str]]:
     """Words before a command for each namespace, and the first one's address on their bridge."""
     mark = f"am{os.getpid() % 10000}"
     names = [f"{mark}n{number}" for number in range(count)]
+    net = f"10.213.{os.getpid() % 250}"  # another bench may run beside this one
 
     def ip(*words: str) -> None:
         subprocess.run(["ip", *words], check=True, capture_output=True)
 
     try:
         ip("link", "add", f"{mark}br", "type", "bridge")
-        ip("addr", "add", "10.213.7.254/24", "dev", f"{mark}br")
+        ip("addr", "add", f"{net}.254/24", "dev", f"{mark}br")
         ip("link", "set", f"{mark}br", "up")
         for number, name in enumerate(names, 1):
             ip("netns", "add", name)
             ip("link", "add", f"{mark}v{number}", "type", "veth", "peer", "eth0", "netns", name)
             ip("link", "set", f"{mark}v{number}", "master", f"{mark}br", "up")
-            ip("-n", name, "addr", "add", f"10.213.7.{number}/24", "dev", "eth0")
+            ip("-n", name, "addr", "add", f"{net}.{number}/24", "dev", "eth0")
             ip("-n", name, "link", "set", "eth0", "up")
             ip("-n", name, "link", "set", "lo", "up")
-        yield [["ip", "netns", "exec", name] for name in names], "10.213.7.1"
+        yield [["ip", "netns", "exec", name] for name in names], f"{net}.1"
     finally:
         for number, name in enumerate(names, 1):
             subprocess.run(["ip", "link", "del", f"{mark}v{number}"], capture_output=True)
@@ -164,23 +181,22 @@ def done(output: Path) -> int:
     return log.read_text(encoding="utf-8").count('"event": "line"') if log.is_file() else 0
 
 
-def local(folder: Path, env: dict[str, str]) -> tuple[float, float]:
-    """Wall and CPU seconds of the local pool."""
+def local(folder: Path, env: dict[str, str], name: str) -> Cost:
+    """What the local pool costs."""
     meter = Meter()
     started = time.perf_counter()
-    process = animeme(folder, env, "--workers", "2", "--output", str(folder / "local"))
+    process = animeme(folder, env, "--workers", "2", "--output", str(folder / name))
     meter.add("driver", process.pid)
     finished(process)
     wall_s = time.perf_counter() - started
     meter.end()
-    print(f"  CPU-seconds: {meter.parts}")
-    return wall_s, meter.cpu_s
+    return cost(meter, wall_s, folder / name)
 
 
 def dask(
     folder: Path, env: dict[str, str], cluster: Cluster, name: str, *, lines: int, kill: bool
-) -> tuple[float, float, int]:
-    """Wall and CPU seconds on a cluster that is there, and the lines when a worker was killed."""
+) -> tuple[Cost, int]:
+    """What a cluster that is there costs, and how many lines were done when a worker was killed."""
     meter = Meter()
     for number, part in enumerate(("scheduler", "worker", "worker")):
         meter.add(part, cluster.process(number), spent=True)
@@ -197,8 +213,14 @@ def dask(
     finished(process)
     wall_s = time.perf_counter() - started
     meter.end()
+    return cost(meter, wall_s, output), at
+
+
+def cost(meter: Meter, wall_s: float, output: Path) -> Cost:
+    """What a run that has ended took."""
     print(f"  CPU-seconds: {meter.parts}")
-    return wall_s, meter.cpu_s, at
+    end = json.loads((output / "run.jsonl").read_text(encoding="utf-8").splitlines()[-1])
+    return Cost(wall_s, meter.cpu_s, meter.cpu_s - sum(end["step_s"].values()))
 
 
 def compare(folder: Path, names: Sequence[str]) -> str:
@@ -218,7 +240,9 @@ def main() -> None:
     parser.add_argument("--lines", type=int, default=1000)
     parser.add_argument("--no-namespaces", action="store_true")
     parser.add_argument("--no-kill", action="store_true", help="only the cost against the pool")
+    parser.add_argument("--turns", type=int, default=1, help="of both; the figure is the median's")
     chosen = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("stopped"))  # the cluster ends with us
     with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
         folder = Path(name)
         dialogue(folder / "dialogue" / "en", chosen.lines)
@@ -249,30 +273,53 @@ def main() -> None:
         print(f"scheduler {cluster.address} and two workers of one thread, {where}")
         time.sleep(SETTLE_S)
         lines = chosen.lines
-        wall_s, cpu_s = local(folder, env_of("c1"))
-        say("local pool, 2 processes", wall_s, cpu_s, lines)
-        outputs = ["local"]
+        outputs: list[str] = []
+        pool: list[Cost] = []
+        farm: list[Cost] = []
+        for turn in range(chosen.turns):
+            # Whoever comes second may find the machine warmer.
+            for which in ("local", "dask") if turn % 2 == 0 else ("dask", "local"):
+                outputs.append(f"{which}-{turn}")
+                env = env_of(f"store-{outputs[-1]}")
+                if which == "local":
+                    pool.append(local(folder, env, outputs[-1]))
+                    say("local pool, 2 processes", pool[-1], lines)
+                else:
+                    found, _ = dask(folder, env, cluster, outputs[-1], lines=lines, kill=False)
+                    farm.append(found)
+                    say("Dask, 2 workers", found, lines)
+        told("Dask over the pool", pool, farm, lines)
         if not chosen.no_kill:
-            found = dask(folder, env_of("c3"), cluster, "killed", lines=lines, kill=True)
-            own_s, own_cpu_s, at = found
-            say(f"Dask, one of the workers killed after {at} lines", own_s, own_cpu_s, lines)
+            env = env_of("store-killed")
+            found, at = dask(folder, env, cluster, "killed", lines=lines, kill=True)
+            say(f"Dask, one of the workers killed after {at} lines", found, lines)
+            told("Dask with a death over the pool", pool[-1:], [found], lines)
             outputs.append("killed")
-            cluster.revive()
-            time.sleep(SETTLE_S)
-        own_s, own_cpu_s, _ = dask(folder, env_of("c2"), cluster, "dask", lines=lines, kill=False)
-        outputs.append("dask")
-        say("Dask, 2 workers", own_s, own_cpu_s, lines)
-        print(f"  overhead: wall {own_s / wall_s - 1:+.1%}, CPU {own_cpu_s / cpu_s - 1:+.1%}")
         for output in outputs:
             document = json.loads((folder / output / "report.json").read_text(encoding="utf-8"))
             print(f"  {output}: {len(document['lines'])} lines, totals {document['totals']}")
         print(f"  {compare(folder, outputs)}")
 
 
-def say(what: str, wall_s: float, cpu_s: float, lines: int) -> None:
+def told(what: str, pool: Sequence[Cost], farm: Sequence[Cost], lines: int) -> None:
+    """Print how much more the one costs than the other; medians of the turns."""
+    pairs = [*zip(pool, farm, strict=True)]
+    wall = median(own.wall_s / base.wall_s for base, own in pairs) - 1
+    cpu = median(own.cpu_s / base.cpu_s for base, own in pairs) - 1
+    # What the stages take varies more than this, with whatever else the machine does.
+    own_ms = [1000 * median(cost.own_s for cost in costs) / lines for costs in (pool, farm)]
+    share = (own_ms[1] - own_ms[0]) * lines / 1000 / median(cost.cpu_s for cost in pool)
+    print(f"  {what}: wall {wall:+.1%}, CPU {cpu:+.1%}")
+    print(f"  beside the stages {own_ms[0]:.1f} and {own_ms[1]:.1f} ms per line: CPU {share:+.1%}")
+
+
+def say(what: str, cost: Cost, lines: int) -> None:
     """Print a run's figures."""
-    each = 1000 * cpu_s / lines
-    print(f"{what}: {wall_s:.1f} s wall, {cpu_s:.1f} CPU-seconds, {each:.1f} ms of CPU per line")
+    each = 1000 * cost.cpu_s / lines
+    print(
+        f"{what}: {cost.wall_s:.1f} s wall, {cost.cpu_s:.1f} CPU-seconds, "
+        f"{each:.1f} ms of CPU per line, {cost.own_s:.1f} s beside the stages"
+    )
 
 
 if __name__ == "__main__":

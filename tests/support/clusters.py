@@ -59,6 +59,7 @@ class Cluster:
             own += ["--local-directory", str(folder / str(number))]
             self._commands.append(["worker", *own])
         self.parts: list[subprocess.Popen[bytes] | None] = [None] * (workers + 1)
+        self.groups: set[int] = set()
 
     def __enter__(self) -> Cluster:
         self.revive()
@@ -92,6 +93,7 @@ class Cluster:
                         start_new_session=True,
                         cwd=self.folder,
                     )
+                self.groups.add(self.process(number))
 
     def kill(self, number: int) -> None:
         """SIGKILL to the scheduler (0) or a worker (from 1), and to nothing else of its group."""
@@ -99,6 +101,13 @@ class Cluster:
         if part is not None:
             part.kill()
             part.wait()
+
+    def strays(self) -> list[int]:
+        """Living processes of parts that are dead."""
+        living = {part.pid for part in self.parts if part is not None and part.poll() is None}
+        found = {group: members(group) for group in self.groups - living}
+        self.groups = {*living, *(group for group, left in found.items() if left)}
+        return [process for left in found.values() for process in left]
 
     def idle(self) -> bool:
         """Whether no worker has processes at work."""

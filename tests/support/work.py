@@ -52,6 +52,10 @@ def die_once(item: tuple[int, str]) -> int:
     return number
 
 
+def touch(item: str) -> None:
+    Path(item).touch()
+
+
 class Unsendable:
     """Travels to another process only to fail there."""
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 # A chunk costs some 10 ms on its way; one much longer comes late to the end of a run.
 CHUNK_S = 10.0
+LEAST_S = 0.25
 MOST_ITEMS = 1000
 # Chunks per thread that are under way: one being done, one at hand.
 AHEAD = 2
@@ -61,11 +62,12 @@ class Batch:
         self._ended = bytearray(self.left)
 
     def take(self, slots: int) -> list[int]:
-        """Indices for the next chunk: worth `CHUNK_S`, but smaller towards the end."""
+        """Indices for the next chunk: worth `CHUNK_S`, towards the end down to `LEAST_S`."""
         size = 1
         if self._timed:
             mean_s = max(self._wall_s / self._timed, 1e-6)
-            size = min(int(CHUNK_S / mean_s), -(-len(self.waiting) // (AHEAD * slots)), MOST_ITEMS)
+            share = max(-(-len(self.waiting) // (AHEAD * slots)), int(LEAST_S / mean_s))
+            size = min(int(CHUNK_S / mean_s), share, MOST_ITEMS)
         return [self.waiting.popleft() for _ in range(min(max(size, 1), len(self.waiting)))]
 
     def fresh(self, results: Iterable[Result]) -> Iterator[Result]:

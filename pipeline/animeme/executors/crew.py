@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 # A mark that the driver has just made may take so long to appear on a network file system.
 SEEN_WITHIN_S = 5.0
 # Results travel together that come within this time.
-TOGETHER_S = 0.2
+TOGETHER_S = 0.5
 # How often a chunk asks whether anybody still waits for it.
 ASK_EVERY_S = 0.25
 # Processes of a run whose driver is silent for so long have ended by themselves.
@@ -102,6 +102,7 @@ class _Processes:
         self._busy: list[tuple[str, LocalExecutor]] = []
         self._stopped: set[str] = set()
         self._fit: set[tuple[str, object]] = set()
+        self._reaping = False
 
     @contextmanager
     def one(self, run: str) -> Iterator[LocalExecutor]:
@@ -119,17 +120,28 @@ class _Processes:
                 self._busy.remove((run, pool))
                 if not pool.stopped:
                     self._idle.append((run, pool, time.monotonic()))
+                start, self._reaping = not self._reaping, True
             if pool.stopped:
                 pool.close()
-            later = threading.Timer(IDLE_S, self.end_idle)
-            later.daemon = True
-            later.start()
+            if start:
+                threading.Thread(target=self._reap, daemon=True).start()
+
+    def _reap(self) -> None:
+        """End processes as they have been at rest for long; over when none is at rest."""
+        wait_s = IDLE_S
+        while wait_s:
+            time.sleep(wait_s)
+            self.end_idle()
+            with self._lock:
+                self._reaping = bool(self._idle)
+                due = min((since for *_, since in self._idle), default=0.0) + IDLE_S
+                wait_s = max(due - time.monotonic(), 0.1) if self._reaping else 0.0
 
     def end_idle(self, run: str | None = None) -> None:
         """End processes that have nothing to do: those of a run, or those long at rest."""
         now = time.monotonic()
         with self._lock:
-            ended = [e for e in self._idle if e[0] == run or now - e[2] >= IDLE_S - 1]
+            ended = [e for e in self._idle if e[0] == run or now - e[2] >= IDLE_S]
             self._idle = [entry for entry in self._idle if entry not in ended]
             self._fit -= {known for known in self._fit if known[0] == run}
         for _, pool, _ in ended:

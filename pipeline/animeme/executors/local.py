@@ -167,9 +167,7 @@ class LocalExecutor:
                 tasks.draw(1)  # the first child starts while the next is looked for
             if not waiting and not busy:
                 return
-            with _single_threaded(), uninterrupted():
-                while len(children) < min(self.workers, busy + len(waiting)):
-                    children.append(_Child(multiprocessing.get_context("spawn")))
+            self._start(min(self.workers, busy + len(waiting)) - len(children))
             if self._stopped.is_set():
                 return  # `stop` may have come too early to see the newest child
             for child in [child for child in children if child.task is None]:
@@ -191,6 +189,13 @@ class LocalExecutor:
                         continue
                 yield result
 
+    def _start(self, more: int) -> None:
+        if more > 0:  # what follows costs its time even where there is nothing to start
+            with _single_threaded(), uninterrupted():
+                context = multiprocessing.get_context("spawn")
+                for _ in range(more):
+                    self._children.append(_Child(context))
+
     def _end(self) -> None:
         for child in self._children:
             child.end()
@@ -202,10 +207,23 @@ def uninterrupted() -> Iterator[None]:
     """Start processes and threads that Ctrl-C does not reach; this one hears of it afterwards."""
     resource_tracker.ensure_running()  # where it is started, it lets the signal through again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    heard: list[int] = []
+    # The system may give the signal to another thread, but it is the main one that it interrupts.
+    handler = signal.getsignal(signal.SIGINT) if _is_main() else None
+    if handler is not None:
+        signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
     try:
         yield
     finally:
+        if handler is not None:
+            signal.signal(signal.SIGINT, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if heard:
+            signal.raise_signal(signal.SIGINT)
+
+
+def _is_main() -> bool:
+    return threading.current_thread() is threading.main_thread()
 
 
 @contextmanager

@@ -12,6 +12,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, is_dataclass
 from fractions import Fraction
+from json.encoder import encode_basestring
 from os.path import basename
 from typing import Any, Literal
 
@@ -205,11 +206,16 @@ def key_of(kind: str, parts: Mapping[str, str] | Iterable[str]) -> str:
 
 def canonical(value: Any) -> str:
     """A value as text that is the same in every process; order counts."""
+    if isinstance(value, str):  # most are
+        return encode_basestring(value)
     plain = asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
-    return json.dumps(plain, ensure_ascii=False, separators=(",", ":"), default=_as_text)
+    return _encoded(plain)
 
 
 def _as_text(value: Any) -> str:
     if isinstance(value, Fraction):
         return str(value)
     raise TypeError(f"{type(value).__name__} has no canonical text")
+
+
+_encoded = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"), default=_as_text).encode

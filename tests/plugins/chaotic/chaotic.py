@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import subprocess
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -72,5 +73,8 @@ def suffer(order: Path) -> None:
         order.unlink(missing_ok=True)
     if what == "hang":
         time.sleep(3600)
+    if what == "linger":
+        null = subprocess.DEVNULL
+        subprocess.Popen(["sleep", "600"], stdin=null, stdout=null, stderr=null)
     if what == "segfault":
         ctypes.string_at(0)
