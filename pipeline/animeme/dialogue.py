@@ -7,8 +7,7 @@ import unicodedata
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import groupby
-from operator import attrgetter, itemgetter
+from operator import attrgetter
 from os.path import basename, splitext
 from pathlib import Path
 
@@ -159,7 +158,7 @@ def find_lines(
             start = "".join(f"{part}/" for part in (parts[1:] if character else parts))
             above = os.path.join(place, "")
             for name in names:
-                stem = composed(start + splitext(name)[0])
+                stem = composed(start + name.rpartition(".")[0])
                 groups[language, character, stem].append(f"{above}{name}")
     return lines_of_files(groups)
 
@@ -208,10 +207,16 @@ def _places_below(
     hidden = any(part.startswith(".") for part in folder.relative_to(root).parts)
     if hidden or (without is not None and folder.is_relative_to(without)):
         return
-    below = walk(str(folder), without="" if without is None else str(without))
-    wanted = (found for found in below if splitext(found[1])[1].lower() in _SUFFIXES)
-    for place, found in groupby(wanted, key=itemgetter(0)):
-        yield Path(place), [name for _, name in found]
+    for place, names in walk(str(folder), without="" if without is None else str(without)):
+        wanted = [name for name in names if suffix_of(name) in _SUFFIXES]
+        if wanted:
+            yield Path(place), wanted
+
+
+def suffix_of(name: str) -> str:
+    """The suffix of a file that is not hidden, in small letters; quicker than a path's."""
+    _, dot, tail = name.rpartition(".")
+    return f".{tail.lower()}" if dot and "/" not in tail else ""
 
 
 Groups = dict[tuple[str, str, str], list[str]]
@@ -231,7 +236,7 @@ def lines_of_files(groups: Groups) -> tuple[Line, ...]:
 
 def _line(language: str, character: str, name: str, files: list[str]) -> Line | None:
     """The line that `files` are about; None if they are about something else."""
-    suffixes = [splitext(file)[1].lower() for file in files]
+    suffixes = [suffix_of(file) for file in files]
     if all(suffix in ABOUT_SUFFIXES for suffix in suffixes):
         return None
     kinds: dict[str, list[str]] = defaultdict(list)

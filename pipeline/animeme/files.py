@@ -140,8 +140,8 @@ def write_bytes(target: Path, data: bytes, *, durable: bool = True) -> None:
 
 def walk(
     folder: str, *, without: str = "", hidden: list[str] | None = None
-) -> Iterator[tuple[str, str]]:
-    """Folder and name of each file below a folder, in the order of their paths' parts.
+) -> Iterator[tuple[str, list[str]]]:
+    """Each folder that has files, and their names, from the top down and by name.
 
     Nothing hidden, and nothing behind a link to a folder. There may be as many as lines, so these
     are strings, and what the system tells with a name is not asked for again.
@@ -156,16 +156,21 @@ def walk(
             entries = sorted(found, key=_name_of)
     except (FileNotFoundError, NotADirectoryError, PermissionError):
         return
+    names: list[str] = []
+    below: list[str] = []
     for entry in entries:
-        if entry.name.startswith("."):
+        if entry.name[0] == ".":
             if hidden is not None:
                 hidden.append(entry.path)
-            continue
-        if entry.is_dir(follow_symlinks=False):
+        elif entry.is_dir(follow_symlinks=False):
             if not without or os.path.normpath(entry.path) != without:
-                yield from walk(entry.path, without=without, hidden=hidden)
+                below.append(entry.path)
         elif entry.is_file():
-            yield folder, entry.name
+            names.append(entry.name)
+    if names:
+        yield folder, names
+    for inner in below:
+        yield from walk(inner, without=without, hidden=hidden)
 
 
 _name_of = attrgetter("name")

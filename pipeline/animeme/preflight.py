@@ -390,8 +390,10 @@ def stale_outputs(plan: Plan, fresh: Collection[str]) -> Iterator[Finding]:
     output = str(plan.job.output)
     start = len(output) + 1
     hidden: list[str] = []
-    found = (f"{folder}/{name}"[start:] for folder, name in walk(output, hidden=hidden))
-    left = {path for path in found if path not in fresh}
+    left: set[str] = set()
+    for folder, names in walk(output, hidden=hidden):
+        above = f"{folder}/"[start:]
+        left.update(path for name in names if (path := above + name) not in fresh)
     sweep_hidden(plan.job.output, hidden)
     left -= {*REPORT_NAMES}
     for path in map(str, plan.possible_files() if left else ()):

@@ -64,8 +64,8 @@ def with_side_cars(
 def _files(root: Path) -> Iterator[tuple[Path, str, str]]:
     """Path, name without suffix, and kind of every file by hand, sorted; nothing hidden."""
     endings = tuple(SUFFIXES)
-    for folder, name in walk(str(root)):
-        if name.lower().endswith(endings):
+    for folder, names in walk(str(root)):
+        for name in (name for name in names if name.lower().endswith(endings)):
             suffix = next(ending for ending in endings if name.lower().endswith(ending))
             yield Path(folder, name), composed(name[: -len(suffix)]), SUFFIXES[suffix]
 
