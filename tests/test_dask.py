@@ -12,7 +12,7 @@ import pytest
 
 import animeme
 from animeme.errors import InputError
-from animeme.executors import crew
+from animeme.executors import crew, processes
 from support.clusters import Cluster, children, cluster_here, wait_for
 from support.jobs import Capture, SmallJob, console, digests, small_job
 from support.jobs import animeme as command
@@ -114,7 +114,7 @@ def test_a_worker_that_sees_other_files_is_refused(
 def test_processes_that_are_at_rest_for_long_end_and_come_back(
     address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(crew, "IDLE_S", 1.0)
+    monkeypatch.setattr(processes, "IDLE_S", 1.0)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
     with DaskExecutor(address) as executor:
         for _ in range(2):
@@ -170,7 +170,8 @@ def test_a_cluster_of_this_machine_does_the_same(tmp_path: Path) -> None:
 def test_when_nobody_comes_back_a_run_says_how_far_it_came(
     part: int, code: str, tmp_path: Path
 ) -> None:
-    env = {"PYTHONPATH": str(Path(__file__).parent)}
+    path = (str(Path(__file__).parent), os.environ.get("PYTHONPATH", ""))
+    env = {"PYTHONPATH": os.pathsep.join(path)}
     with Cluster(tmp_path, env, workers=1) as cluster, patience(120):
         executor = DaskExecutor(cluster.address, patience_s=20.0)
         items = ["good", "good", "long"]

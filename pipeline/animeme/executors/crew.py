@@ -15,14 +15,16 @@ import pickle
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from animeme.executors import Result, resolve
+from animeme import executors
+from animeme.executors import Result, local, processes, resolve
 from animeme.executors.local import LocalExecutor
+from animeme.executors.processes import Processes
 
 if TYPE_CHECKING:
     from distributed import Worker
@@ -31,16 +33,13 @@ if TYPE_CHECKING:
 
 # A mark that the driver has just made may take so long to appear on a network file system.
 SEEN_WITHIN_S = 5.0
-# Results travel together that come within this time.
+# How often a chunk sends its results, and asks whether anybody still waits for them.
 TOGETHER_S = 0.5
-# How often a chunk asks whether anybody still waits for it.
-ASK_EVERY_S = 0.25
-# Processes of a run whose driver is silent for so long have ended by themselves.
-IDLE_S = 15.0
 CODE_TIMEOUT_S = 300.0
 # What a run calls, besides plug-ins.
 _ENGINE = ("animeme.animating", "animeme.writing", "animeme.preflight")
-_OWN = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
+_PARTS = [Path(__file__), *(Path(str(part.__file__)) for part in (executors, local, processes))]
+_OWN = hashlib.sha256(b"".join(path.read_bytes() for path in _PARTS)).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ class Terms:
         code: digest of all code that makes results.
         folder: the driver's working folder, which relative paths start from.
         marks: (path, SHA-256 of the file, or "" where it only has to be there).
-        own: digest of this module, as the driver has it.
+        own: digest of this module and those that it rests on, as the driver has them.
     """
 
     run: str
@@ -93,90 +92,7 @@ class Chunk:
     retries: int
 
 
-class _Processes:
-    """Supervised processes, each for one thread of the worker, kept from chunk to chunk."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._idle: list[tuple[str, LocalExecutor, float]] = []
-        self._busy: list[tuple[str, LocalExecutor]] = []
-        self._stopped: set[str] = set()
-        self._fit: set[tuple[str, object]] = set()
-        self._reaping = False
-
-    @contextmanager
-    def one(self, run: str) -> Iterator[LocalExecutor]:
-        """A process of a run, for the time being."""
-        with self._lock:
-            own = next((entry for entry in self._idle if entry[0] == run), None)
-            if own is not None:
-                self._idle.remove(own)
-            pool = own[1] if own else LocalExecutor(1, keeps=True)
-            self._busy.append((run, pool))
-        try:
-            yield pool
-        finally:
-            with self._lock:
-                self._busy.remove((run, pool))
-                if not pool.stopped:
-                    self._idle.append((run, pool, time.monotonic()))
-                start, self._reaping = not self._reaping, True
-            if pool.stopped:
-                pool.close()
-            if start:
-                threading.Thread(target=self._reap, daemon=True).start()
-
-    def _reap(self) -> None:
-        """End processes as they have been at rest for long; over when none is at rest."""
-        wait_s = IDLE_S
-        while wait_s:
-            time.sleep(wait_s)
-            self.end_idle()
-            with self._lock:
-                self._reaping = bool(self._idle)
-                due = min((since for *_, since in self._idle), default=0.0) + IDLE_S
-                wait_s = max(due - time.monotonic(), 0.1) if self._reaping else 0.0
-
-    def end_idle(self, run: str | None = None) -> None:
-        """End processes that have nothing to do: those of a run, or those long at rest."""
-        now = time.monotonic()
-        with self._lock:
-            ended = [e for e in self._idle if e[0] == run or now - e[2] >= IDLE_S]
-            self._idle = [entry for entry in self._idle if entry not in ended]
-            self._fit -= {known for known in self._fit if known[0] == run}
-        for _, pool, _ in ended:
-            pool.close()
-
-    def stop(self, run: str) -> None:
-        """Let nothing more be done for a run."""
-        self._stopped.add(run)
-        with self._lock:
-            busy = [pool for own, pool in self._busy if own == run]
-        for pool in busy:
-            pool.stop()
-
-    def works_for(self, run: str) -> bool:
-        """Whether a chunk of the run is being done."""
-        with self._lock:
-            return any(own == run for own, _ in self._busy)
-
-    def is_stopped(self, run: str) -> bool:
-        """Whether `stop` was called for the run."""
-        return run in self._stopped
-
-    def misfit(self, terms: Terms, pool: LocalExecutor) -> Misfit | None:
-        """Why this worker cannot do the run, None if it can; each thing is looked at once."""
-        for seen, look in ((terms.marks, _misplaced), (terms.code, _strange)):
-            if (terms.run, seen) in self._fit:
-                continue
-            found = look(terms, pool)
-            if found is not None:
-                return found
-            self._fit.add((terms.run, seen))
-        return None
-
-
-_PROCESSES = _Processes()
+_PROCESSES = Processes()
 
 
 async def fit(terms: Terms) -> Misfit | None:
@@ -184,7 +100,7 @@ async def fit(terms: Terms) -> Misfit | None:
 
     def look() -> Misfit | None:
         with _PROCESSES.one(terms.run) as pool:
-            return _PROCESSES.misfit(terms, pool)
+            return _misfit(terms, pool)
 
     return await asyncio.to_thread(look)
 
@@ -208,52 +124,69 @@ def work(chunk: Chunk) -> None:
         told = {"turn": chunk.turn, "worker": worker.address, **message}
         worker.log_event(chunk.topic, told)
 
-    with _PROCESSES.one(run) as pool, _watched(worker, run, pool):
-        found = _PROCESSES.misfit(chunk.terms, pool)
-        if found is not None:
-            tell(misfit=pickle.dumps(found), chunk=worker.get_current_task())
-            return
-        for results, cpu_s in _together(chunk, pool):
-            tell(results=pickle.dumps(results), cpu_s=cpu_s)
+    with _PROCESSES.one(run) as pool:
+        found = _Found(pool, tell)
+        with _watched(worker, run, found):
+            misfit = _misfit(chunk.terms, pool)
+            if misfit is not None:
+                tell(misfit=pickle.dumps(misfit), chunk=worker.get_current_task())
+                return
+            name = f"{__name__}:{do.__qualname__}"
+            given = [(chunk.terms.folder, chunk.function, item) for _, item in chunk.items]
+            for result in pool.run(name, given, timeout_s=chunk.timeout_s, retries=chunk.retries):
+                index = chunk.items[result.index][0]
+                found.add(replace(result, index=index, host=socket.gethostname()))
+            found.send()
 
 
-def _together(chunk: Chunk, pool: LocalExecutor) -> Iterator[tuple[list[Result], float]]:
-    """Results of a chunk, some at a time, and the CPU time that they took here."""
-    given = [(chunk.terms.folder, chunk.function, item) for _, item in chunk.items]
-    collected: list[Result] = []
-    told, before = time.monotonic(), pool.cpu_s + time.thread_time()
-    name = f"{__name__}:{do.__qualname__}"
-    for result in pool.run(name, given, timeout_s=chunk.timeout_s, retries=chunk.retries):
-        index = chunk.items[result.index][0]
-        collected.append(replace(result, index=index, host=socket.gethostname()))
-        if time.monotonic() - told < TOGETHER_S and len(collected) < len(chunk.items):
-            continue
-        now = pool.cpu_s + time.thread_time()
-        yield collected, max(now - before, 0.0)
-        collected, told, before = [], time.monotonic(), now
-    if collected:
-        yield collected, max(pool.cpu_s + time.thread_time() - before, 0.0)
+class _Found:
+    """Results of a chunk, which are sent some at a time, from whichever thread."""
+
+    def __init__(self, pool: LocalExecutor, tell: Callable[..., None]) -> None:
+        self.pool = pool
+        self._tell = tell
+        self._lock = threading.Lock()
+        self._results: list[Result] = []
+        self._cpu_s = self._told_s = self._used_s()
+
+    def add(self, result: Result) -> None:
+        """Take in a result; for the thread that does the chunk, whose CPU time counts."""
+        with self._lock:
+            self._results.append(result)
+            self._cpu_s = self._used_s()
+
+    def send(self) -> None:
+        """Tell what has not been told; it is on its way before this ends."""
+        with self._lock:
+            if self._results:
+                spent_s = max(self._cpu_s - self._told_s, 0.0)
+                self._tell(results=pickle.dumps(self._results), cpu_s=spent_s)
+                self._results, self._told_s = [], self._cpu_s
+
+    def _used_s(self) -> float:
+        return self.pool.cpu_s + time.thread_time()
 
 
 @contextmanager
-def _watched(worker: Worker, run: str, pool: LocalExecutor) -> Iterator[None]:
-    """Stop the pool when nobody waits any more: the driver or the scheduler is gone."""
+def _watched(worker: Worker, run: str, found: _Found) -> Iterator[None]:
+    """Send what is found, and stop when nobody waits for it: the driver or scheduler is gone."""
     key = worker.get_current_task()
     over = threading.Event()
 
     def watch() -> None:
-        while not over.wait(ASK_EVERY_S):
+        while not over.wait(TOGETHER_S):
             task = worker.state.tasks.get(key)
             wanted = task is not None and task.state == "executing"
             if not wanted or worker.status.name not in ("running", "paused", "closing_gracefully"):
-                pool.stop()
+                found.pool.stop()
                 return
+            found.send()
 
     watcher = threading.Thread(target=watch, daemon=True)
     watcher.start()
     try:
         if _PROCESSES.is_stopped(run):
-            pool.stop()
+            found.pool.stop()
         yield
     finally:
         over.set()
@@ -266,6 +199,18 @@ def do(task: tuple[str, str, bytes]) -> bytes:
     if os.getcwd() != folder:
         os.chdir(folder)
     return pickle.dumps(resolve(function)(pickle.loads(item)))  # from the run's own driver
+
+
+def _misfit(terms: Terms, pool: LocalExecutor) -> Misfit | None:
+    """Why this worker cannot do the run, None if it can; each thing is looked at once."""
+    for seen, look in ((terms.marks, _misplaced), (terms.code, _strange)):
+        if (terms.run, seen) in _PROCESSES.fit:
+            continue
+        found = look(terms, pool)
+        if found is not None:
+            return found
+        _PROCESSES.fit.add((terms.run, seen))
+    return None
 
 
 def _misplaced(terms: Terms, _: LocalExecutor) -> Misfit | None:
