@@ -74,13 +74,14 @@ def source_of(path: Path) -> Source:
         InputError: as of `open_container`.
     """
     stamped = stamp(path)
-    if path in _known and _known[path][0] == stamped:
-        return _known[path][1]
-    _known.pop(path, None)
+    known = _known.pop(path, None)  # other threads may look, too
+    if known is not None and known[0] == stamped:
+        _known[path] = known
+        return known[1]
     shows = bool(stamped) and telling(stamped, time.time_ns())
     source = Source(open_container(path))
     if shows and source.given.is_short:
-        for oldest in [*_known][: len(_known) + 1 - _ASSETS]:
-            del _known[oldest]
+        for oldest in [*_known][: 1 - _ASSETS]:
+            _known.pop(oldest, None)
         _known[path] = stamped, source
     return source
