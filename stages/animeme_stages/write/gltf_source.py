@@ -81,7 +81,7 @@ def source_of(path: Path) -> Source:
     shows = bool(stamped) and telling(stamped, time.time_ns())
     source = Source(open_container(path))
     if shows and source.given.is_short:
-        for oldest in [*_known][: 1 - _ASSETS]:
+        for oldest in [*_known][: max(0, len(_known) + 1 - _ASSETS)]:
             _known.pop(oldest, None)
         _known[path] = stamped, source
     return source
