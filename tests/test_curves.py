@@ -224,6 +224,29 @@ def test_reducing_is_deterministic_and_reducing_again_drops_nothing(
     assert set(again.times_s) <= set(reduced.times_s)
 
 
+def of_one_span(curves: CurveSet, max_error: float, left: int, right: int) -> set[int]:
+    """Keys that stay within a span, by the recursion of Douglas and Peucker as it is written."""
+    ends = [left, right]
+    line = interpolate(curves.times_s[ends], curves.weights[ends], curves.times_s[left:right])
+    error = np.abs(line - curves.weights[left:right]).max(axis=1)
+    worst = left + int(error.argmax())
+    if right - left < 2 or error.max() <= max_error:
+        return set(ends)
+    parts = ((left, worst), (worst, right))
+    return {key for part in parts for key in of_one_span(curves, max_error, *part)}
+
+
+@given(st.integers(0, 10_000), st.sampled_from((0.0, 0.05, 0.5)))
+@PROPERTY
+def test_the_keys_are_those_of_the_recursion(seed: int, max_error: float) -> None:
+    random = np.random.default_rng(seed)
+    # Numbers that float32 holds, of which many are equal, so that several keys are the worst.
+    weights = random.integers(-4, 5, (int(random.integers(2, 30)), 3)) / 4
+    curves = CurveSet(np.arange(len(weights)) / 8, ("a", "b", "c"), weights)
+    kept = sorted(of_one_span(curves, max_error, 0, len(weights) - 1))
+    assert reduce_keys(curves, max_error).times_s.tolist() == curves.times_s[kept].tolist()
+
+
 @given(curve_sets())
 @PROPERTY
 def test_a_bound_of_zero_keeps_the_curve(curves: CurveSet) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from animeme import files
 from animeme.errors import InputError
-from animeme.files import update_text
+from animeme.files import let_go, update_text
 
 PARTS = st.lists(st.text(st.characters(codec="utf-8"), max_size=20), max_size=8)
 
@@ -63,3 +63,12 @@ def test_a_folder_in_its_place_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         update_text(tmp_path / "report.txt", ["new"])
     assert caught.value.code == "output-unwritable"
+
+
+@pytest.mark.parametrize("size", [10, (1 << 22) + 1])
+def test_a_file_that_is_let_go_is_as_it_was(tmp_path: Path, size: int) -> None:
+    path = tmp_path / "head.glb"
+    path.write_bytes(bytes(size))
+    let_go(path)
+    assert path.read_bytes() == bytes(size)
+    let_go(tmp_path / "not there")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
+Keys = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,35 +150,62 @@ def reduce_keys(curves: CurveSet, max_error: float) -> CurveSet:
     """
     rounded = _rounded(curves)
     left_over = max(0.0, max_error - _rounding_error(curves, rounded))
-    axes = ((curves.times_s, curves.weights, max_error), (*rounded, left_over))
     keep = np.zeros(len(curves.times_s), dtype=bool)
     keep[[0, -1]] = True
-    pending = [(0, len(curves.times_s) - 1)] if curves.names else []
-    while pending:
-        left, right = pending.pop()
-        if right - left < 2:
-            continue
-        for axis in axes:
-            excess, split = _worst(*axis, left, right)
-            if excess > 0:
-                keep[split] = True
-                pending += [(left, split), (split, right)]
-                break
+    # What becomes of a span depends on nothing outside it, so all that are open go together: first
+    # by the curves as they are, and what needs no key for these by the rounded ones.
+    spans = np.array([[0], [len(keep) - 1]])[:, : len(curves.names)]
+    while spans.size:
+        settled = []
+        while spans.size:
+            spans, whole = _split(curves.times_s, curves.weights, max_error, spans, keep)
+            settled.append(whole)
+        spans, _ = _split(*rounded, left_over, np.concatenate(settled, axis=1), keep)
     return CurveSet(curves.times_s[keep], curves.names, curves.weights[keep])
 
 
-def _worst(
-    times_s: Floats, weights: Floats, max_error: float, left: int, right: int
-) -> tuple[float, int]:
-    """By how much the worst key between two kept ones exceeds the bound, and which it is."""
-    ends = [left, right]
-    if times_s[left] == times_s[right]:  # one moment in float32: nothing to choose between
-        return -max_error, left + 1
-    inner = slice(left + 1, right)
-    line = interpolate(times_s[ends], weights[ends], times_s[inner])
-    error = np.abs(line - weights[inner]).max(axis=1)
-    worst = int(np.argmax(error))
-    return float(error[worst]) - max_error, left + 1 + worst
+def _split(
+    times_s: Floats, weights: Floats, max_error: float, spans: Keys, keep: NDArray[np.bool_]
+) -> tuple[Keys, Keys]:
+    """Split spans at their worst key where it exceeds the bound.
+
+    Args:
+        times_s: shape (T,).
+        weights: shape (T, N), N ≥ 1.
+        max_error: the bound.
+        spans: first and last key of each, shape (2, S).
+        keep: whether a key stays, shape (T,); is set for those that spans are split at.
+
+    Returns:
+        What spans were split into, and those that were not and have keys to drop.
+    """
+    spans = spans[:, spans[1] - spans[0] > 1]
+    if not spans.size:
+        return spans, spans
+    left, right = spans
+    count = right - left - 1
+    start = count.cumsum() - count
+    span = np.arange(len(count)).repeat(count)  # of each key within any of them
+    key = np.arange(len(span)) + (left + 1 - start)[span]
+    from_s, to_s = times_s[spans]
+    moment = to_s == from_s  # in float32; there is nothing to choose between
+    length_s = np.where(moment, 1.0, to_s - from_s)
+    fraction = ((times_s[key] - from_s[span]) / length_s[span])[:, None]
+    error = weights[left[span]] * (1.0 - fraction)  # in place, as this is most of the work
+    error += weights[right[span]] * fraction
+    error -= weights[key]
+    largest = np.abs(error, out=error).max(axis=1)
+    worst = np.maximum.reduceat(largest, start)
+    over = (worst > max_error) & ~moment
+    if not over.any():
+        return spans[:, :0], spans
+    candidates = (largest == worst[span]).nonzero()[0][::-1]
+    split = np.zeros_like(left)
+    split[span[candidates]] = key[candidates]  # of several, the first: it is assigned last
+    split = split[over]
+    keep[split] = True
+    parts = [[left[over], split], [split, right[over]]]
+    return np.concatenate(parts, axis=1), spans[:, ~over]
 
 
 def _rounded(curves: CurveSet) -> tuple[Floats, Floats]:

@@ -14,6 +14,13 @@ from typing import Any
 
 from animeme.errors import InputError
 
+# File systems count time in steps: of 4 ms and less, of 1 or 2 s where no digits follow.
+_STEP_NS = 50_000_000
+_COARSE_NS = 1_000_000
+_COARSE_STEP_NS = 2_100_000_000
+# Bytes of a file that is worth forgetting.
+_LARGE = 1 << 22
+
 
 @contextmanager
 def atomic_path(target: Path, *, durable: bool = True) -> Iterator[Path]:
@@ -32,17 +39,19 @@ def atomic_path(target: Path, *, durable: bool = True) -> Iterator[Path]:
     """
     scratch = scratch_beside(target)
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
+        if not os.path.isdir(target.parent):
+            target.parent.mkdir(parents=True, exist_ok=True)
         yield scratch
         if durable:
-            with scratch.open("rb+") as stream:
+            with open(scratch, "rb+", buffering=0) as stream:
                 os.fsync(stream.fileno())
-        scratch.replace(target)
-    except OSError as error:
-        raise unwritable(target, error) from error
-    finally:
+        os.replace(scratch, target)
+    except BaseException as error:
         with suppress(OSError):
-            scratch.unlink(missing_ok=True)
+            os.unlink(scratch)
+        if isinstance(error, OSError):
+            raise unwritable(target, error) from error
+        raise
 
 
 def scratch_beside(target: Path) -> Path:
@@ -183,6 +192,42 @@ def stamp(path: str | Path) -> str:
     except OSError:
         return ""
     return f"{state.st_size}:{state.st_mtime_ns}:{state.st_ctime_ns}:{state.st_ino}"
+
+
+def telling(stamped: str, seen_ns: int) -> bool:
+    """Whether a file shows by its stamp whether it was changed after it was read.
+
+    File systems count time in steps, and one that was changed just before it was read may change
+    once more within the same.
+
+    Args:
+        stamped: its stamp, not "".
+        seen_ns: when it was read, in nanoseconds since the epoch.
+    """
+    step_ns = _STEP_NS if counts_finely(stamped) else _COARSE_STEP_NS
+    return seen_ns - _last_ns(stamped) > step_ns
+
+
+def counts_finely(stamped: str) -> bool:
+    """Whether the file system of a stamp counts parts of a second."""
+    return _last_ns(stamped) % _COARSE_NS != 0
+
+
+def _last_ns(stamped: str) -> int:
+    """When the file of a stamp was last changed, in nanoseconds since the epoch."""
+    _, modified, changed, _ = map(int, stamped.split(":"))
+    return max(modified, changed)
+
+
+def let_go(path: Path) -> None:
+    """Have the system forget a large file that is on disk, and that nobody will read soon.
+
+    A run's outputs would push its recordings and assets out of memory, and memory that was used
+    just now costs less than other.
+    """
+    with suppress(AttributeError, OSError), open(path, "rb", buffering=0) as stream:
+        if os.fstat(stream.fileno()).st_size > _LARGE:
+            os.posix_fadvise(stream.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
 def sha256(path: Path) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
@@ -90,6 +91,11 @@ def canonical_names(per_mesh: Sequence[Sequence[str]]) -> dict[str, str]:
     Args:
         per_mesh: the shape names of each mesh.
     """
+    return dict(_canonical(tuple(map(tuple, per_mesh))))
+
+
+@lru_cache(maxsize=32)  # each line's file is read anew, and has the names of the last one
+def _canonical(per_mesh: tuple[tuple[str, ...], ...]) -> Mapping[str, str]:
     owners: dict[str, set[int]] = {}
     for index, names in enumerate(per_mesh):
         for name in names:

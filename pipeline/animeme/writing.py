@@ -10,7 +10,7 @@ from animeme import registry, steps
 from animeme.contracts import AssetSubject, LineAnimation
 from animeme.curves import drop_still
 from animeme.errors import InputError
-from animeme.files import stamp
+from animeme.files import let_go, stamp
 from animeme.findings import Finding, Severity
 from animeme.rig import BoundRig
 from animeme.store.entries import Entry, Store
@@ -172,9 +172,12 @@ def _written(
         findings = [replace(finding, place=str(output)) for finding in findings]
     except InputError as error:
         findings = [*findings, Finding.from_error(error)]
+    noted = delivered(list(outputs))
+    for path in outputs:
+        let_go(path)
     return AssetOutcome(
         outputs,
         tuple(replace(finding, character=target.character) for finding in findings),
-        delivered=delivered(list(outputs)),
+        delivered=noted,
         final=bool(outputs) and before == [stamp(path) for path in sources],
     )

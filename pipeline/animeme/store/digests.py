@@ -12,16 +12,11 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
-from animeme.files import sha256, stamp
+from animeme.files import counts_finely, sha256, stamp, telling
 from animeme.store.index import Index
 
 ABSENT = "absent"
 """Stands for the digest of a file that is not there."""
-
-# File systems count time in steps: of 4 ms and less, of 1 or 2 s where no digits follow.
-_STEP_NS = 50_000_000
-_COARSE_NS = 1_000_000
-_COARSE_STEP_NS = 2_100_000_000
 
 
 class Digests:
@@ -84,9 +79,7 @@ class Digests:
             seen_ns: when that was, in nanoseconds since the epoch; now if None.
         """
         full = os.path.join(self._folder, path)
-        last_ns = _last_ns(stamped)
-        step_ns = _STEP_NS if last_ns % _COARSE_NS else _COARSE_STEP_NS
-        if (seen_ns or time.time_ns()) - last_ns > step_ns:
+        if telling(stamped, seen_ns or time.time_ns()):
             self._index.set_file(full, stamped, digest)
             self._unsettled.discard(full)
             if not self._rehash:
@@ -108,11 +101,5 @@ class Digests:
         """
         for path in [*self._unsettled]:
             stamped, digest = self._fresh[path]
-            if _last_ns(stamped) % _COARSE_NS and stamp(path) == stamped:
+            if counts_finely(stamped) and stamp(path) == stamped:
                 self.learn(path, stamped, digest)
-
-
-def _last_ns(stamped: str) -> int:
-    """When the file of a stamp was last changed, in nanoseconds since the epoch."""
-    _, modified, changed, _ = map(int, stamped.split(":"))
-    return max(modified, changed)

@@ -6,19 +6,25 @@ Only headers and JSON are read; the binary chunk stays where it is.
 from __future__ import annotations
 
 import json
+import os
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from animeme.errors import InputError
 
 _MAGIC = b"glTF"
 _JSON = 0x4E4F534A
 _BIN = 0x004E4942
-# Characters of JSON; a longer one is not kept.
+# Characters of JSON; what is made of a longer one is not kept.
 _SHORT = 8_000_000
+# Bytes; files of animation alone are read at once.
+_BUFFER = 1 << 16
+_Read = TypeVar("_Read", "str", "Container")
+_Made = TypeVar("_Made")
 
 
 @dataclass(frozen=True)
@@ -59,6 +65,11 @@ class Container:
         return parse(self.path, self.text)
 
     @property
+    def is_short(self) -> bool:
+        """Whether its JSON may be kept for a while."""
+        return len(self.text) < _SHORT
+
+    @property
     def bin(self) -> Chunk | None:
         """The binary chunk, if there is one."""
         return self.chunks[0] if self.chunks and self.chunks[0].is_bin else None
@@ -81,7 +92,7 @@ def open_container(path: Path) -> Container:
         InputError: missing, truncated, or not glTF 2.0.
     """
     try:
-        with path.open("rb") as stream:
+        with open(path, "rb", buffering=_BUFFER) as stream:
             head = stream.read(12)
             if head[:4] == _MAGIC:
                 chunks = _chunks(path, stream, head)
@@ -97,7 +108,7 @@ def open_container(path: Path) -> Container:
 
 
 def _chunks(path: Path, stream: Any, head: bytes) -> tuple[Chunk, ...]:
-    size = path.stat().st_size
+    size = os.fstat(stream.fileno()).st_size
     if len(head) < 12:
         raise unreadable(path, "is cut off within its header")
     version, promised = struct.unpack("<II", head[4:])
@@ -135,12 +146,24 @@ def _decode(path: Path, data: bytes) -> str:
         raise unreadable(path, f"holds no JSON ({str(error)[:120]})") from error
 
 
-@lru_cache(maxsize=3)
-def _parsed(text: str) -> Any:
-    """What JSON says; of one text it is one object, which nobody changes.
+def by_content(make: Callable[[_Read], _Made]) -> Callable[[_Read], _Made]:
+    """Have a function keep what it makes of the last few texts or containers.
 
-    A line's file is opened by its writer and by each check, and its source for every line anew.
+    A line's file is read by its writer and by each check, and its source for every line anew.
+    Nobody may change what the function gives.
     """
+    kept = lru_cache(maxsize=3)(make)
+
+    @wraps(make)
+    def made(read: _Read) -> _Made:
+        short = read.is_short if isinstance(read, Container) else len(read) < _SHORT
+        return kept(read) if short else make(read)
+
+    return made
+
+
+@by_content
+def _parsed(text: str) -> Any:
     return json.loads(text, parse_constant=_no_number)
 
 
@@ -151,7 +174,7 @@ def parse(path: Path, text: str) -> dict[str, Any]:
         InputError: it is none.
     """
     try:
-        parsed = _parsed(text) if len(text) < _SHORT else _parsed.__wrapped__(text)
+        parsed = _parsed(text)
     except (ValueError, RecursionError) as error:
         raise unreadable(path, f"holds no JSON ({str(error)[:120]})") from error
     if not isinstance(parsed, dict):

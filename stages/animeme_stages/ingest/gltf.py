@@ -8,7 +8,7 @@ from typing import Any
 
 from animeme.errors import InputError
 from animeme.rig import Character, MeshShapes
-from animeme_stages.ingest.glb import open_container
+from animeme_stages.ingest.glb import Container, by_content, open_container
 from animeme_stages.ingest.gltf_document import require_sound, target_count
 from animeme_stages.ingest.vrm import bound_names, expressions
 
@@ -24,9 +24,18 @@ def load_gltf(path: Path) -> Character:
     Raises:
         InputError: damaged, or without morph targets.
     """
-    container = open_container(path)
+    return character_in(open_container(path))
+
+
+@by_content
+def character_in(container: Container) -> Character:
+    """As `load_gltf`, of a file that was opened.
+
+    Raises:
+        InputError: as of `load_gltf`.
+    """
     require_sound(container)
-    root = container.json
+    root, path = container.json, container.path
     meshes = tuple(_meshes(root))
     if not meshes:
         raise InputError(
@@ -77,13 +86,15 @@ def target_names(mesh: Mapping[str, Any], count: int) -> tuple[str, ...] | None:
         extras = carrier.get("extras")
         names = extras.get("targetNames") if isinstance(extras, dict) else None
         if isinstance(names, list) and len(names) == count:
-            return _distinct(tuple(str(name) for name in names))
+            return _distinct(tuple(map(str, names)))
     return None
 
 
 def _distinct(names: tuple[str, ...]) -> tuple[str, ...]:
     """`names` with a number on every repetition, so that each target can be told apart."""
     taken = set(names)
+    if len(taken) == len(names):
+        return names
     seen: set[str] = set()
     numbers: dict[str, int] = {}  # last one given to a name, or many equal names take for ever
     result = []

@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
 from animeme.errors import InputError
-from animeme_stages.ingest.glb import Chunk, Container
+from animeme_stages.ingest.glb import Chunk, Container, unreadable
 
 _PIECE = 1 << 20
 _JSON = struct.unpack("<I", b"JSON")[0]
@@ -20,17 +20,31 @@ _BIN = struct.unpack("<I", b"BIN\0")[0]
 LARGEST = 0xFFFFFFFF  # a GLB's length is 32 bits
 
 
-def write_glb(stream: BinaryIO, container: Container, text: str, data: bytes) -> None:
+def write_glb(
+    stream: BinaryIO,
+    container: Container,
+    text: str,
+    data: bytes,
+    *,
+    old: Iterable[bytes] | None = None,
+) -> None:
     """Write `container` with another JSON, and with `data` behind its binary chunk.
+
+    Args:
+        stream: a file.
+        container: the asset.
+        text: the JSON.
+        data: what comes behind its binary chunk.
+        old: its binary chunk, if that is at hand; else it is copied from the file.
 
     Raises:
         InputError: a GLB cannot be that large.
     """
     encoded = text.encode("utf-8")
     encoded += b" " * (-len(encoded) % 4)
-    old = container.bin
-    others = [chunk for chunk in container.chunks if chunk is not old]
-    bin_length = (old.length if old else 0) + len(data) if old or data else None
+    binary = container.bin
+    others = [chunk for chunk in container.chunks if chunk is not binary]
+    bin_length = (binary.length if binary else 0) + len(data) if binary or data else None
     total = 20 + len(encoded) + sum(8 + chunk.length for chunk in others)
     total += 8 + bin_length if bin_length is not None else 0
     if total > LARGEST:
@@ -45,8 +59,10 @@ def write_glb(stream: BinaryIO, container: Container, text: str, data: bytes) ->
     with container.path.open("rb") as source:
         if bin_length is not None:
             stream.write(struct.pack("<II", bin_length, _BIN))
-            if old:
-                _copy(source, stream, old)
+            if old is not None:
+                stream.writelines(old)
+            elif binary:
+                _copy(source, stream, binary)
             stream.write(data)
         for chunk in others:
             stream.write(struct.pack("<II", chunk.length, chunk.kind))
@@ -90,10 +106,18 @@ def _head(container: Container) -> bytes:
 
 
 def pieces(source: BinaryIO, chunk: Chunk) -> Iterator[bytes]:
-    """The data of a chunk."""
+    """The data of a chunk.
+
+    Raises:
+        InputError: the file ends before it does.
+    """
     for start in range(chunk.start, chunk.start + chunk.length, _PIECE):
         source.seek(start)
-        yield source.read(min(_PIECE, chunk.start + chunk.length - start))
+        size = min(_PIECE, chunk.start + chunk.length - start)
+        piece = source.read(size)
+        if len(piece) < size:
+            raise unreadable(Path(source.name), "was cut off while it was read")
+        yield piece
 
 
 def checksum(parts: Iterator[bytes]) -> int:

@@ -19,7 +19,7 @@ from animeme.errors import InputError
 from animeme.files import atomic_path
 from animeme.rig import Character
 from animeme_stages.ingest.glb import Container, open_container, unreadable
-from animeme_stages.ingest.gltf import load_gltf
+from animeme_stages.ingest.gltf import character_in, load_gltf
 from animeme_stages.ingest.gltf_data import (
     Buffers,
     external_files,
@@ -29,12 +29,13 @@ from animeme_stages.ingest.gltf_data import (
 )
 from animeme_stages.ingest.gltf_document import line_of, mark_of, marked
 from animeme_stages.ingest.gltf_stored import stored
-from animeme_stages.write.glb import checksum_of, restore, write_glb
+from animeme_stages.write.glb import restore, write_glb
 from animeme_stages.write.gltf_clip import GltfClip, all_ours
 from animeme_stages.write.gltf_files import companions, owners, placed, side_car_name
 from animeme_stages.write.gltf_harm import harm
 from animeme_stages.write.gltf_lines import Appended, animated, carried, drives, free_name
 from animeme_stages.write.gltf_origin import LISTS, Origin, Past, our_lines, past_of
+from animeme_stages.write.gltf_source import source_of
 from animeme_stages.write.gltf_vrma import Vrma
 from animeme_stages.write.json_splice import Splice
 
@@ -71,7 +72,7 @@ class GltfFormat:
     def companions(self, character: Character) -> dict[str, Path]:
         """Buffers and images in files of their own; see `animeme.contracts.Format`."""
         source = character.source
-        container, _ = _begun(open_container(source))
+        container = source_of(source).container
         files = (local_file(source, uri) for uri in external_uris(container.json))
         return {file.relative_to(source.parent).as_posix(): file for file in files}
 
@@ -101,8 +102,8 @@ class GltfFormat:
     def _write(
         self, character: Character, lines: Sequence[LineAnimation], target: Path, verify: Verify
     ) -> tuple[Path, ...]:
-        given = open_container(character.source)
-        container, past = _begun(given)
+        source = source_of(character.source)
+        given, container, past = source.given, source.container, source.past
         beside = companions(given.path, external_uris(container.json), target)
         appended = Appended(
             len(container.json.get("accessors", [])), len(container.json.get("bufferViews", []))
@@ -111,15 +112,16 @@ class GltfFormat:
         for animation in animations if beside.uris else ():
             animation["extras"] = marked({**animation["extras"]["animeme"], "asset": beside.asset})
         name = None if container.binary else side_car_name(target, beside.uris)
-        crc32 = past.origin.crc32 if past else checksum_of(container.path)
-        text = _edited(container, appended, animations, crc32, uri=quote(name) if name else None)
+        uri = quote(name) if name else None
+        text = _edited(container, appended, animations, source.crc32, uri=uri)
         files: list[tuple[Path | bytes, Path]] = [*beside.copies]
         if name and appended.data:
             files.append((bytes(appended.data), target.with_name(name)))
         with placed(files), atomic_path(target) as scratch:
             if container.binary:
                 with scratch.open("wb") as stream:
-                    write_glb(stream, container, text, bytes(appended.data))
+                    data = bytes(appended.data)
+                    write_glb(stream, container, text, data, old=source.kept or None)
             else:
                 scratch.write_text(text, encoding="utf-8", newline="")
             verify(scratch)
@@ -138,7 +140,8 @@ class GltfFormat:
 
     def read_animations(self, path: Path) -> dict[str, CurveSet]:
         """Weight curves of every linear animation in the file."""
-        return weight_animations(open_container(path), load_gltf(path))
+        container = open_container(path)
+        return weight_animations(container, character_in(container))
 
     def stored(
         self, character: Character, names: Collection[str] | None = None
@@ -151,7 +154,7 @@ class GltfFormat:
         written = open_container(output)
         if mark_of(written.json["asset"]):
             return GltfClip().harm(character, output)
-        return harm(open_container(character.source), written)
+        return harm(source_of(character.source), written)
 
     def strip(self, path: Path, target: Path) -> tuple[str, ...]:
         """Write the source of an output of ours to `target`, byte for byte.
@@ -180,12 +183,6 @@ class GltfFormat:
                 if not any(owners(side_car, side_car.parent)):
                     side_car.unlink(missing_ok=True)
         return tuple(str(animation.get("name")) for animation in past.animations)
-
-
-def _begun(container: Container) -> tuple[Container, Past | None]:
-    """What to append to: the file itself or, of an earlier output, its source."""
-    past = past_of(container)
-    return (past.source if past else container), past
 
 
 def _unstrippable(container: Container) -> InputError:

@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,13 +19,14 @@ from animeme.curves import CurveSet
 from animeme.errors import InputError
 from animeme.files import atomic_path
 from animeme.rig import Character, MeshShapes
-from animeme_stages.ingest.glb import open_container
-from animeme_stages.ingest.gltf import load_gltf
+from animeme_stages.ingest.glb import Container, open_container
+from animeme_stages.ingest.gltf import character_in, load_gltf
 from animeme_stages.ingest.gltf_data import external_files, weight_animations
 from animeme_stages.ingest.gltf_document import marked
 from animeme_stages.write.glb import pack_glb
 from animeme_stages.write.gltf_lines import Appended, animated, drives, free_name, node_of
-from animeme_stages.write.json_splice import dumps
+from animeme_stages.write.gltf_source import source_of
+from animeme_stages.write.json_splice import Encoded, dumps, dumps_members
 
 # One point at the origin: an accessor without a buffer view is all zeros.
 _POINT = {
@@ -150,7 +153,7 @@ def file_json(
 def save(target: Path, root: Mapping[str, Any], data: bytes, verify: Verify) -> tuple[Path, ...]:
     """Write a GLB of a document and its one buffer."""
     with atomic_path(target) as scratch:
-        scratch.write_bytes(pack_glb(dumps(root), data))
+        scratch.write_bytes(pack_glb(dumps_members(root), data))
         verify(scratch)
     return (target,)
 
@@ -171,7 +174,7 @@ class GltfClip(AnimationFile):
         verify: Verify = unverified,
     ) -> tuple[Path, ...]:
         """Write a GLB of the nodes that `lines` drive, and one animation per line."""
-        source = open_container(character.source).json
+        source = source_of(character.source).given
         appended = Appended(1, 0)
         taken: set[str] = set()
         animations = []
@@ -181,17 +184,18 @@ class GltfClip(AnimationFile):
                 animations.append(animated(line, name, character, appended))
         driven = {c["target"]["node"] for a in animations for c in a["channels"]}
         used = {node_of(mesh): mesh for mesh in character.meshes if node_of(mesh) in driven}
-        nodes, meshes, places = _points(used, source)
+        made = _points if source.is_short else _points.__wrapped__
+        points = made(source, tuple(used.items()))
         for animation in animations:
             for channel in animation["channels"]:
-                channel["target"]["node"] = places[channel["target"]["node"]]
+                channel["target"]["node"] = points.places[channel["target"]["node"]]
         size = len(appended.data)
         root = file_json(
             self.layout,
             scene=0,
-            scenes=[{"nodes": [*range(len(nodes))]}],
-            nodes=nodes,
-            meshes=meshes,
+            scenes=[{"nodes": [*range(points.count)]}],
+            nodes=points.nodes,
+            meshes=points.meshes,
             accessors=[_POINT, *appended.accessors],
             bufferViews=[{"buffer": 0, "byteLength": size}],
             buffers=[{"byteLength": size}],
@@ -206,14 +210,14 @@ class GltfClip(AnimationFile):
         container = open_container(path)
         if not container.json.get("animations"):
             return {}
-        return weight_animations(container, load_gltf(path))
+        return weight_animations(container, character_in(container))
 
     def harm(self, character: Character, output: Path) -> list[str]:
         """Nodes and morph targets that the character does not have."""
         container = open_container(output)
         if not container.json.get("nodes"):
             return []
-        nodes = open_container(character.source).json["nodes"]
+        nodes = source_of(character.source).given.json["nodes"]
         known = {
             (name, mesh.shapes)
             for mesh in character.meshes
@@ -221,19 +225,31 @@ class GltfClip(AnimationFile):
         }
         return [
             f"the character has no node '{mesh.name}' with these morph targets"
-            for mesh in load_gltf(output).meshes
+            for mesh in character_in(container).meshes
             if (mesh.name, mesh.shapes) not in known
         ]
 
 
-def _points(
-    used: Mapping[int, MeshShapes], source: Mapping[str, Any]
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]], dict[int, int]]:
-    """Nodes that stand for the character's, the meshes that they share as it does, and where.
+@dataclass(frozen=True)
+class _Points:
+    """What stands for the character: JSON of nodes and of meshes, and where its own nodes are."""
+
+    nodes: Encoded
+    meshes: Encoded
+    count: int
+    places: Mapping[int, int]
+
+
+@lru_cache(maxsize=4)
+def _points(container: Container, driven: tuple[tuple[int, MeshShapes], ...]) -> _Points:
+    """Nodes that stand for the character's, and the meshes that they share as it does.
+
+    Most lines of a character drive the same ones.
 
     three.js numbers names that several nodes have, in the order of the scene. For its numbers to
     be the same here, nodes of such names are here as well, empty.
     """
+    source, used = container.json, dict(driven)
     nodes: list[dict[str, Any]] = []
     meshes: list[dict[str, Any]] = []
     shared: dict[tuple[int, tuple[str, ...]], int] = {}
@@ -256,7 +272,7 @@ def _points(
             nodes.append({**named, "mesh": shared[key], **weights})
         elif named and _three_name(node["name"]) in names:
             nodes.append(named)
-    return nodes, meshes, places
+    return _Points(Encoded(dumps(nodes)), Encoded(dumps(meshes)), len(nodes), places)
 
 
 def _point_mesh(index: int, source: Mapping[str, Any], mesh: MeshShapes) -> dict[str, Any]:

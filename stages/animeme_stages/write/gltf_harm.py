@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import filecmp
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from animeme_stages.ingest.glb import Chunk, Container
 from animeme_stages.ingest.gltf_data import external_uris, local_file
 from animeme_stages.ingest.gltf_document import MALFORMED, mark_of
+from animeme_stages.write.glb import pieces
 from animeme_stages.write.gltf_origin import our_lines, past_of
+from animeme_stages.write.gltf_source import Source
 
-_PIECE = 1 << 20
 # Members of what was there that say nothing of what is seen, or whose meaning is not known here.
 _FREE = frozenset({"extras", "extensions", "name"})
 
 
-def harm(source: Container, output: Container) -> list[str]:
+def harm(source: Source, output: Container) -> list[str]:
     """One sentence for each old JSON value or byte that is not as it was; [] if all are.
 
     Allowed are: elements after the old ones of an array; new members of the root and of ``asset``,
@@ -26,21 +27,22 @@ def harm(source: Container, output: Container) -> list[str]:
     our own animations. Where `source` is itself an earlier output of ours, its own source has to be
     in `output`, and every line that it had.
     """
-    lost = sorted(set(our_lines(source)) - set(our_lines(output)))
+    lost = sorted(set(our_lines(source.given)) - set(our_lines(output)))
     found = [f"the line '{name}' of an earlier run is gone" for name in lost]
-    before, after = past_of(source), past_of(output, verified=False)
-    source = before.source if before else source
-    if after is None or not _same_text(source, after.source):
+    before, after = source.container, past_of(output, verified=False)
+    if after is None or not _same_text(before, after.source):
         # The quick way is to take what is ours out again; this one says what differs.
-        found += _json_changes(source, output)
-    if source.bin is not None and not (
-        output.bin is not None and _is_prefix(source, source.bin, output, output.bin)
+        found += _json_changes(before, output)
+    if before.bin is not None and not (
+        output.bin is not None
+        and output.bin.length >= before.bin.length
+        and _begins(output, output.bin, source.chunk())
     ):
         found.append("the old binary chunk is not the beginning of the new one")
-    if not _same_chunks(source, output):
+    if not _same_chunks(before, output):
         found.append("another chunk of the file was lost or changed")
-    for uri in external_uris(source.json):
-        theirs, copy = local_file(source.path, uri), local_file(output.path, uri)
+    for uri in external_uris(before.json):
+        theirs, copy = local_file(before.path, uri), local_file(output.path, uri)
         if theirs.is_file() and not (copy.is_file() and _same_files(theirs, copy)):
             found.append(f"its file '{uri}' is not beside the output as it was")
     return found
@@ -104,23 +106,20 @@ def _same_chunks(source: Container, output: Container) -> bool:
     """Whether every chunk but the binary one is as it was, in the same order."""
     old = [chunk for chunk in source.chunks if chunk is not source.bin]
     new = [chunk for chunk in output.chunks if chunk is not output.bin]
-    return len(old) == len(new) and all(
-        a.kind == b.kind and a.length == b.length and _is_prefix(source, a, output, b)
-        for a, b in zip(old, new, strict=True)
-    )
-
-
-def _is_prefix(source: Container, old: Chunk, output: Container, new: Chunk) -> bool:
-    if new.length < old.length:
+    if len(old) != len(new):
         return False
-    with source.path.open("rb") as a, output.path.open("rb") as b:
-        a.seek(old.start)
-        b.seek(new.start)
-        for done in range(0, old.length, _PIECE):
-            size = min(_PIECE, old.length - done)
-            if a.read(size) != b.read(size):
-                return False
-    return True
+    with source.path.open("rb") as stream:
+        return all(
+            a.kind == b.kind and a.length == b.length and _begins(output, b, pieces(stream, a))
+            for a, b in zip(old, new, strict=True)
+        )
+
+
+def _begins(output: Container, chunk: Chunk, data: Iterable[bytes]) -> bool:
+    """Whether a chunk of the output, as it lies on disk, begins with some pieces of data."""
+    with output.path.open("rb") as stream:
+        stream.seek(chunk.start)
+        return all(stream.read(len(piece)) == piece for piece in data)
 
 
 def _same_files(first: Path, second: Path) -> bool:

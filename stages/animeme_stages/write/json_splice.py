@@ -12,6 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from animeme_stages.ingest.glb import by_content
+
 _SCAN = json.JSONDecoder().raw_decode
 _SPACE = " \t\r\n"
 
@@ -34,28 +36,18 @@ class Splice:
     def members(self, start: int = 0) -> dict[str, tuple[int, int]]:
         """Span [from, to) of each member's value in the object at `start`; of twins, the last."""
         if start not in self._members:
-            self._members[start] = self._scan_members(start)
+            made = _members(self.text, start) if start else _root_members(self.text)
+            self._members[start] = made
         return self._members[start]
-
-    def _scan_members(self, start: int) -> dict[str, tuple[int, int]]:
-        found: dict[str, tuple[int, int]] = {}
-        at = self._skip(self._skip(start) + 1)
-        while self.text[at] != "}":
-            key, at = _SCAN(self.text, at)
-            at = self._skip(self._skip(at) + 1)
-            _, end = _SCAN(self.text, at)
-            found[key] = (at, end)
-            at = self._next(end)
-        return found
 
     def elements(self, start: int) -> list[tuple[int, int]]:
         """Span of each element of the array at `start`."""
         found: list[tuple[int, int]] = []
-        at = self._skip(start + 1)
+        at = _skip(self.text, start + 1)
         while self.text[at] != "]":
             _, end = _SCAN(self.text, at)
             found.append((at, end))
-            at = self._next(end)
+            at = _next(self.text, end)
         return found
 
     def replace(self, span: tuple[int, int], value: Any) -> None:
@@ -105,7 +97,7 @@ class Splice:
         edits = [(start, end, new) for (start, end), new in self._replaced.items()]
         for key, values in self._appended.items():
             if span := self.members().get(key):
-                comma = "" if self.text[self._skip(span[0] + 1)] == "]" else ","
+                comma = "" if self.text[_skip(self.text, span[0] + 1)] == "]" else ","
                 edits.append((span[1] - 1, span[1] - 1, comma + ",".join(values)))
         if self._removed:
             members = self.members()
@@ -113,11 +105,11 @@ class Splice:
             if any(members[key][0] < stay for key in self._removed):
                 raise ValueError(f"{', '.join(self._removed)} did not come last")
             last = max(end for _, end in members.values())
-            edits.append((self._skip(stay), last, ""))
+            edits.append((_skip(self.text, stay), last, ""))
         for start, added in self._added.items():
             members = self.members(start)
-            last = max((end for _, end in members.values()), default=self._skip(start) + 1)
-            end = self._skip(last)
+            last = max((end for _, end in members.values()), default=_skip(self.text, start) + 1)
+            end = _skip(self.text, last)
             new = ",".join(f"{dumps(key)}:{value}" for key, value in added.items())
             edits.append((end, end, f",{new}" if members else new))
         parts, at = [], 0
@@ -126,14 +118,33 @@ class Splice:
             at = end
         return "".join([*parts, self.text[at:]])
 
-    def _next(self, at: int) -> int:
-        at = self._skip(at)
-        return self._skip(at + 1) if self.text[at] == "," else at
 
-    def _skip(self, at: int) -> int:
-        while self.text[at] in _SPACE:
-            at += 1
-        return at
+def _members(text: str, start: int) -> dict[str, tuple[int, int]]:
+    found: dict[str, tuple[int, int]] = {}
+    at = _skip(text, _skip(text, start) + 1)
+    while text[at] != "}":
+        key, at = _SCAN(text, at)
+        at = _skip(text, _skip(text, at) + 1)
+        _, end = _SCAN(text, at)
+        found[key] = (at, end)
+        at = _next(text, end)
+    return found
+
+
+@by_content
+def _root_members(text: str) -> dict[str, tuple[int, int]]:
+    return _members(text, 0)
+
+
+def _next(text: str, at: int) -> int:
+    at = _skip(text, at)
+    return _skip(text, at + 1) if text[at] == "," else at
+
+
+def _skip(text: str, at: int) -> int:
+    while text[at] in _SPACE:
+        at += 1
+    return at
 
 
 def dumps(value: Any) -> str:
@@ -141,3 +152,16 @@ def dumps(value: Any) -> str:
     if isinstance(value, Mapping):
         value = dict(value)
     return json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+
+
+class Encoded(str):
+    """JSON text that stands for what it says."""
+
+
+def dumps_members(root: Mapping[str, Any]) -> str:
+    """As `dumps`, of an object some of whose members are `Encoded` already."""
+    members = (
+        f"{dumps(key)}:{value if isinstance(value, Encoded) else dumps(value)}"
+        for key, value in root.items()
+    )
+    return f"{{{','.join(members)}}}"
