@@ -158,7 +158,7 @@ class Index:
     def _rows(self, query: str, values: Iterable[str]) -> list[tuple[str, ...]]:
         try:
             return self._database.execute(query, tuple(values)).fetchall()
-        except sqlite3.Error:
+        except (sqlite3.Error, UnicodeEncodeError):  # it knows no name that is not UTF-8
             return []
 
     def _write(self, statement: str, rows: Sequence[tuple[str, ...]]) -> bool:
