@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from animeme.cli import progress as told
-from animeme.runner import Progress
+from animeme.work import Progress
 from support.jobs import CONSOLE, PATIENCE_S, Capture, SmallJob, console, small_job
 
 

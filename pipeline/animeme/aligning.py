@@ -18,8 +18,8 @@ from animeme.files import unwritable
 from animeme.findings import Finding, LineStatus, Severity, exit_code_of, status_of
 from animeme.languages import find_tag
 from animeme.ledger import fault_of
-from animeme.runner import LINE_TIMEOUT_S, RETRIES, Listener, Progress, cpu_s, name_of
 from animeme.tasks import AlignItem, LineOutcome
+from animeme.work import LINE_TIMEOUT_S, RETRIES, Listener, Progress, cpu_s, name_of
 
 DEFAULT_LANGUAGE = "en"
 

@@ -14,9 +14,11 @@ from animeme.executors import choice
 from animeme.files import scratch_beside
 from animeme.findings import RunReport, Severity
 from animeme.job import Job, read_job
-from animeme.runner import Listener, Shard, run_job, run_shard
+from animeme.runner import run_job, run_shard
 from animeme.selection import EVERYTHING, Selection
+from animeme.shards import Shard
 from animeme.store.memory import Memory, default_store, memory
+from animeme.work import Listener
 
 if TYPE_CHECKING:
     from animeme.rehearsal import Rehearsal

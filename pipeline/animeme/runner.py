@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
-import resource
 import tempfile
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from itertools import islice
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
 
 from animeme import registry
 from animeme.errors import InputError
-from animeme.executors import Executor, Result
+from animeme.executors import Executor
 from animeme.files import unwritable
 from animeme.findings import Finding, RunReport, Severity
 from animeme.job import Job
@@ -32,57 +27,12 @@ from animeme.preflight import (
     stale_outputs,
 )
 from animeme.recall import Recall
-from animeme.recall_assets import AssetRecall
-from animeme.scope import Entry, Scope, added, outdated, scope_of
+from animeme.scope import scope_of
 from animeme.selection import EVERYTHING, Selection
+from animeme.shards import Shard
 from animeme.spool import output_folder
 from animeme.store.memory import Memory
-from animeme.tasks import (
-    AssemblyItem,
-    AssetItem,
-    AssetOutcome,
-    LineItem,
-    save_context,
-)
-
-# The work, by name: this process imports it only if it does it itself.
-MAKE_LINE = "animeme.animating:make_line"
-WRITE_ASSET = "animeme.writing:write_asset"
-JOIN_LANGUAGES = "animeme.writing:join_languages"
-# A line of minutes takes seconds; a task beyond these is hung.
-LINE_TIMEOUT_S = 600.0
-ASSET_TIMEOUT_S = 1800.0
-RETRIES = 1
-
-
-# A result that is lost while a run uses it is made again; not for ever.
-MOST_ROUNDS = 3
-SAVE_EVERY_S = 5.0
-# Files that are looked up together; work on the first begins while others are looked at.
-FILES_AT_ONCE = 500
-
-_Item = TypeVar("_Item")
-
-
-@dataclass(frozen=True)
-class Progress:
-    """What a listener is told each time something ends.
-
-    Attributes:
-        stage: "lines" or "assets".
-        done, total: lines, or files while assets are written.
-        failed: how many lines have failed so far.
-        known: how many of those that are done an earlier run had done.
-    """
-
-    stage: str
-    done: int
-    total: int
-    failed: int
-    known: int = 0
-
-
-Listener = Callable[[Progress], None]
+from animeme.work import Listener, Work, cpu_s
 
 
 def run_job(
@@ -123,7 +73,7 @@ def run_job(
         ledger.record(
             "start", job=job.name, file=file, lines=len(plan.lines), targets=len(plan.targets)
         )
-        work = _Work(ledger, executor, listener, spool, Recall(memory, job, plan.targets), scope)
+        work = Work(ledger, executor, listener, spool, Recall(memory, job, plan.targets), scope)
         work.do_lines()
         work.do_assets()
         work.join_languages()
@@ -169,7 +119,7 @@ def run_shard(
         ledger = Ledger(plan, io.StringIO(), general=findings)
         recall = Recall(memory, job, plan.targets, deliver=False)
         scope = scope_of(plan, selection)
-        work = _Work(ledger, executor, listener, Path(spool), recall, scope)
+        work = Work(ledger, executor, listener, Path(spool), recall, scope)
         work.do_lines(shard)
         report = ledger.report(fail_on)
         mine = {line.key for _, line, _ in work.entries(shard)}
@@ -179,30 +129,6 @@ def run_shard(
         wall_s=time.perf_counter() - wall,
         cpu_s=cpu_s(executor) - cpu,
     )
-
-
-@dataclass(frozen=True)
-class Shard:
-    """One of `count` parts of a job's lines, from 1: the same whatever the machine and order."""
-
-    number: int
-    count: int
-
-    @classmethod
-    def parse(cls, text: str) -> Shard:
-        """The shard called ``I/N``.
-
-        Raises:
-            ValueError: it is no such thing.
-        """
-        number, _, count = text.partition("/")
-        if not (number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count)):
-            raise ValueError(f"a shard is I/N with I from 1 to N, not {text!r}")
-        return cls(int(number), int(count))
-
-    def has(self, line: str) -> bool:
-        """Whether the line with this key belongs to it."""
-        return int(hashlib.sha256(line.encode()).hexdigest(), 16) % self.count == self.number - 1
 
 
 def planned(
@@ -230,232 +156,6 @@ def _write_reports(report: RunReport, output: Path) -> RunReport:
     return report
 
 
-@dataclass
-class _Work:
-    """The work of a run, in its order.
-
-    Attributes:
-        ledger: takes in how it ends.
-        executor: does it.
-        listener: is told.
-        spool: the run's spool folder.
-        recall: knows what need not be done.
-        scope: what the run is about, None for everything.
-        remarks: line → what the scope makes of it.
-    """
-
-    ledger: Ledger
-    executor: Executor
-    listener: Listener
-    spool: Path
-    recall: Recall
-    scope: Scope | None = None
-    remarks: dict[str, Finding] = field(default_factory=dict)
-    _saved: float = field(default_factory=time.monotonic)
-
-    def __post_init__(self) -> None:
-        self._lines, self._files = _Counts("lines", self), _Counts("assets", self)
-
-    @cached_property
-    def files(self) -> AssetRecall:
-        """Knows which files need not be written."""
-        return AssetRecall(self.recall.memory, self.ledger.plan.job, self.ledger.plan.targets)
-
-    def entries(self, shard: Shard | None = None) -> Iterator[Entry]:
-        """The lines that the run is about, of a shard or all, with their targets."""
-        lines = self.ledger.plan.spoken_lines()
-        if self.scope is not None:
-            lines = self.scope.entries(asked=shard is not None)
-        return (entry for entry in lines if shard is None or shard.has(entry[1].key))
-
-    def do_lines(self, shard: Shard | None = None) -> None:
-        """Have curves made for each line, of a shard or of all, but for those that have them."""
-        save_context(self.recall.context, self.spool)
-        counts = self._lines
-        counts.total = sum(1 for _ in self.entries(shard))
-        counts.tell()
-        for _ in self._make(self._stale(self.entries(shard))):
-            counts.done += 1
-            counts.tell()
-        self.recall.close()
-
-    def _stale(self, lines: Iterable[Entry]) -> Iterator[LineItem]:
-        """The lines that have to be worked on; the others are taken up on the way."""
-        for part in self.recall.looked_up(lines, self.spool):
-            known = [(item.number, outcome) for item, outcome in part if outcome is not None]
-            self.ledger.take_up(known)
-            self._lines.take_up(len(known))
-            for item, outcome in part:
-                if outcome is None and not self._kept(item):
-                    yield item
-            self._save()
-
-    def _kept(self, item: LineItem) -> bool:
-        """Whether nobody asked for a line that has changed, and it can stay as it is."""
-        if self.scope is None or item.number in self.scope.asked:
-            return False
-        kept = self.recall.previous(item)
-        if kept is not None:
-            self.ledger.take_up([(item.number, kept)], "outdated")
-            self._lines.take_up(1)
-        why = added() if kept is None else outdated(self.recall.why(item))
-        self.remarks[item.line.key] = why
-        return kept is not None
-
-    def _make(self, items: Iterable[LineItem]) -> Iterator[None]:
-        under_way: dict[int, LineItem] = {}
-        for result in self._run(MAKE_LINE, _noted(items, under_way), LINE_TIMEOUT_S):
-            item = under_way.pop(result.index)
-            self.ledger.end_line(item, result)
-            self.recall.keep(item, result.value)
-            self._save()
-            yield
-
-    def _save(self) -> None:
-        """Have what is new in the index survive the run, now and then."""
-        if time.monotonic() - self._saved > SAVE_EVERY_S:
-            self.recall.memory.index.save()
-            self._saved = time.monotonic()
-
-    def do_assets(self) -> None:
-        """Have each file written that is not there as it would be."""
-        ledger = self.ledger
-        every = ledger.plan.asset_items(ledger.good, ledger.curves.of, self.spool)
-        self._files.total = ledger.plan.count_files(ledger.good)
-        if self.scope is not None:
-            files = self.scope.files
-            every = (entry for entry in every if entry[0].output in files)
-            self._files.total = len(files)
-        waiting: Iterable[AssetItem] = self._unwritten(every)
-        for turn in range(1, MOST_ROUNDS + 1):
-            lost: set[int] = set()
-            again: list[AssetItem] = []
-            under_way: dict[int, AssetItem] = {}
-            for result in self._run(WRITE_ASSET, _noted(waiting, under_way), ASSET_TIMEOUT_S):
-                item = under_way.pop(result.index)
-                if result.value is not None and result.value.lost and turn < MOST_ROUNDS:
-                    lost.update(result.value.lost)
-                    again.append(item)
-                    continue
-                self._end_asset(item, result)
-                self._files.done += 1
-                self._files.tell()
-                self._save()
-            if not again:
-                break
-            waiting = self._mended(again, lost)
-
-    def _unwritten(self, every: Iterable[tuple[AssetItem, list[str]]]) -> Iterator[AssetItem]:
-        """The files that have to be written; the others are taken up on the way."""
-        left = iter(every)
-        while part := [*islice(left, FILES_AT_ONCE)]:
-            keyed = [(self.files.asset_key(item, digests), item) for item, digests in part]
-            known = self.files.known(keyed)
-            pairs = [*zip(part, known, strict=True)]
-            there = [(item, outcome) for (item, _), outcome in pairs if outcome is not None]
-            self.ledger.take_up_assets(there)
-            self.ledger.files += len(part)
-            self._files.take_up(len(there))
-            yield from (item for (item, _), outcome in pairs if outcome is None)
-
-    def _end_asset(self, item: AssetItem, result: Result) -> None:
-        outcome: AssetOutcome | None = result.value
-        if outcome is not None and outcome.lost:
-            gone = "its lines' curves vanish from the store as fast as they are put there"
-            result = replace(result, outcome="error", value=None, error=gone)
-        self.ledger.end_asset(item, result)
-        if result.value is not None:
-            curves = [self.ledger.curves.of(line[0])[item.target][1] for line in item.lines]
-            self.files.keep(self.files.asset_key(item, curves), item, result.value)
-
-    def _mended(self, items: Sequence[AssetItem], lost: Collection[int]) -> list[AssetItem]:
-        """The items, after the lines that are lost have been made again."""
-        self.ledger.record("lost", lines=[self.ledger.plan.lines[n].key for n in sorted(lost)])
-        entries = (entry for entry in self.entries() if entry[0] in lost)
-        for _ in self._make(self.recall.keyed(entries, self.spool)):
-            pass
-        again = []
-        for item in items:
-            now = {number: self.ledger.curves.of(number) for number, *_ in item.lines}
-            lines = tuple(
-                (number, name, length_s, now[number][item.target][0], audio)
-                for number, name, length_s, _, audio in item.lines
-                if item.target in now[number]
-            )
-            left = {number for number, *_ in lines}
-            exports = tuple(export for export in item.exports if export[0] in left)
-            again += [replace(item, lines=lines, exports=exports)] if lines else []
-        return again
-
-    def join_languages(self) -> None:
-        """Give each format the chance to join its languages in one file."""
-        items = self._assemblies()
-        keys = [self.files.assembly_key(item) for item in items]
-        self.ledger.files += len(items)
-        waiting = []
-        keyed = [*zip(keys, items, strict=True)]
-        for (key, item), outcome in zip(keyed, self.files.known(keyed), strict=True):
-            if outcome is None:
-                waiting.append((key, item))
-            else:
-                self.ledger.take_up_assembly(item, outcome)
-        for result in self._run(JOIN_LANGUAGES, [item for _, item in waiting], ASSET_TIMEOUT_S):
-            key, item = waiting[result.index]
-            self.ledger.end_assembly(item, result)
-            if result.value is not None:
-                self.files.keep(key, item, result.value)
-        self.files.ran()
-
-    def _assemblies(self) -> list[AssemblyItem]:
-        """The files that join languages, of those that were written or are there."""
-        plan, scope, start = self.ledger.plan, self.scope, len(str(self.ledger.plan.job.output)) + 1
-        beside = frozenset() if scope is None else scope.beside()
-
-        def written(path: Path) -> bool:
-            return str(path)[start:] in self.ledger.written or path in beside
-
-        items = plan.assembly_items(written, self.spool)
-        return [item for item in items if scope is None or item.target in scope.targets]
-
-    def _run(self, function: str, items: Iterable[Any], timeout_s: float) -> Iterator[Result]:
-        return self.executor.run(function, items, timeout_s=timeout_s, retries=RETRIES)
-
-
-@dataclass
-class _Counts:
-    """How far a stage is.
-
-    Attributes:
-        stage: as of `Progress`.
-        work: whose stage it is.
-        done, total, known: as of `Progress`.
-    """
-
-    stage: str
-    work: _Work
-    done: int = 0
-    total: int = 0
-    known: int = 0
-
-    def take_up(self, known: int) -> None:
-        """Count what an earlier run had done."""
-        self.known += known
-        self.done += known
-        self.tell()
-
-    def tell(self) -> None:
-        """Tell the run's listener."""
-        failed = self.work.ledger.failed
-        self.work.listener(Progress(self.stage, self.done, self.total, failed, self.known))
-
-
-def _noted(items: Iterable[_Item], under_way: dict[int, _Item]) -> Iterator[_Item]:
-    """The items, each noted under its index for as long as it is being worked on."""
-    for index, item in enumerate(items):
-        under_way[index] = item
-        yield item
-
-
 def _changed_sources(digests: dict[Path, str | None], memory: Memory) -> Iterator[Finding]:
     for path, digest in digests.items():
         if memory.digests.of(path) != digest:
@@ -466,17 +166,6 @@ def _changed_sources(digests: dict[Path, str | None], memory: Memory) -> Iterato
                 place=str(path),
                 action="Run again when nobody writes to the asset.",
             )
-
-
-def name_of(function: Callable[..., Any]) -> str:
-    """The importable name by which executors call a function."""
-    return f"{function.__module__}:{function.__qualname__}"
-
-
-def cpu_s(executor: Executor) -> float:
-    """CPU time of this process, of its ended children and of the executor's living ones."""
-    usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(usage.ru_utime + usage.ru_stime for usage in usages) + executor.cpu_s
 
 
 @contextmanager

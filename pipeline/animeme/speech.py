@@ -16,10 +16,10 @@ from animeme.files import scratch_beside
 from animeme.findings import Severity
 from animeme.job import read_job
 from animeme.preflight import dialogue_of
-from animeme.runner import Listener
 from animeme.steps import Means, align_speech
 from animeme.voices import VoicesReport
 from animeme.voices import learn_voices as learn
+from animeme.work import Listener
 
 
 def align(

@@ -15,7 +15,7 @@ from animeme.errors import InputError
 from animeme.executors import Executor, Result
 from animeme.findings import Finding, Severity, exit_code_of
 from animeme.ledger import fault_of
-from animeme.runner import RETRIES, Listener, Progress, name_of
+from animeme.work import RETRIES, Listener, Progress, name_of
 
 # More lines than this teach no more: every so-many-th is taken.
 MOST_LINES = 500

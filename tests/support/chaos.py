@@ -37,7 +37,7 @@ FAULTS = ("worker", "driver", "Ctrl-C", *FULL, "damage", "hang", "segfault")
 DASK_FAULTS = (*FAULTS, "Dask worker", "all Dask workers", "scheduler")
 # A run in which a stage hangs waits for it no longer than that.
 HURRIED = (
-    "import sys; from animeme import runner; runner.LINE_TIMEOUT_S = 2.0; "
+    "import sys; from animeme import work; work.LINE_TIMEOUT_S = 2.0; "
     "from animeme.cli import main; main(sys.argv[1:])"
 )
 LIMIT_S = 2 * PATIENCE_S

@@ -21,8 +21,8 @@ from animeme.errors import InputError
 from animeme.executors.choice import Kind
 from animeme.executors.inline import InlineExecutor
 from animeme.findings import LineStatus, Severity, exit_code_of
-from animeme.runner import cpu_s
 from animeme.speech import align, align_folder
+from animeme.work import cpu_s
 
 # More lines than this are not shown on a terminal; --json has all.
 SHOWN_LINES = 20

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from animeme.runner import Progress
+from animeme.work import Progress
 
 if TYPE_CHECKING:
     from animeme.dataset import Listener as PartListener

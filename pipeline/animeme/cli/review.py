@@ -12,7 +12,7 @@ from animeme.cli import options as shared
 from animeme.cli.progress import progress
 from animeme.reviewable import open_reviewable, review
 from animeme.reviewing import Pictures, WrittenReview, picture
-from animeme.runner import Listener, Progress
+from animeme.work import Listener, Progress
 
 
 @click.command(

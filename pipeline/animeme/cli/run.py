@@ -12,8 +12,8 @@ from animeme.batch import rehearse
 from animeme.cli import options as shared
 from animeme.cli.running import MOST_SHOWN, Order, run_and_tell
 from animeme.executors.choice import Kind
-from animeme.runner import Shard
 from animeme.selection import Selection
+from animeme.shards import Shard
 
 if TYPE_CHECKING:
     from animeme.rehearsal import Rehearsal
