@@ -352,3 +352,9 @@ def _rig_problems(path: str, rig: str, folder: Path) -> Iterator[Problem]:
         registry.stage("read-rig")(rig, folder)
     except InputError as error:
         yield Problem(path, f"{error.place}: {error.problem}", error.action)
+
+
+def model_files(job: Job) -> Iterator[Path | None]:
+    """Files of the job's model and of its characters' own; None for those as shipped."""
+    yield job.model_file
+    yield from (character.model.file for character in job.characters if character.model)

@@ -17,15 +17,9 @@ from animeme.files import unwritable
 from animeme.findings import Finding, RunReport, Severity
 from animeme.job import Job
 from animeme.ledger import Ledger
+from animeme.outputs import require_distinct_curve_files, require_free_outputs, stale_outputs
 from animeme.plan import REPORT_NAMES, Plan
-from animeme.preflight import (
-    dialogue_of,
-    missing_voices,
-    prepare,
-    require_distinct_curve_files,
-    require_free_outputs,
-    stale_outputs,
-)
+from animeme.preflight import dialogue_of, missing_voices, prepare
 from animeme.recall import Recall
 from animeme.scope import scope_of
 from animeme.selection import EVERYTHING, Selection
