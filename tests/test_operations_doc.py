@@ -6,6 +6,7 @@ import configparser
 import os
 import re
 import shlex
+import socket
 import subprocess
 from pathlib import Path
 
@@ -42,6 +43,7 @@ def commands() -> list[str]:
 def test_every_command_is_one(call: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in SLURM.items():
         call = call.replace(f"${name}", value)
+    call = call.replace("${SCHEDULER:-tcp://farm:8786}", "tcp://farm:8786")
     words = shlex.split(call.replace("${STORE:-/mnt/farm/animeme}", "store"))
     command: click.Command = cli
     context = click.Context(cli)
@@ -69,8 +71,13 @@ def test_yaml_can_be_read() -> None:
 
 
 def test_units_name_what_they_start() -> None:
-    for name, section in (("animeme-night.service", "Service"), ("animeme-night.timer", "Timer")):
-        unit = configparser.ConfigParser(strict=True)
+    for name, section in (
+        ("animeme-night.service", "Service"),
+        ("animeme-night.timer", "Timer"),
+        ("animeme-scheduler.service", "Service"),
+        ("animeme-worker.service", "Service"),
+    ):
+        unit = configparser.ConfigParser(strict=name == "animeme-night.timer")
         unit.optionxform = str  # type: ignore[assignment, method-assign]
         unit.read_string(script(name))
         assert section in unit
@@ -108,6 +115,35 @@ def test_the_script_of_the_night(two_lines: SmallJob) -> None:
     bad = sh(night)
     assert bad.returncode == 1
     assert "de/boat" in bad.stdout
+
+
+def started(name: str, port: int, folder: Path) -> subprocess.Popen[bytes]:
+    """A unit's command, as systemd would start it, on this machine and a port of its own."""
+    unit = script(name)
+    environment = dict(re.findall(r"^Environment=(\w+)=(.*)$", unit, re.M))
+    (command,) = re.findall(r"^ExecStart=/opt/animeme/bin/(.*)$", unit, re.M)
+    command = command.replace("farm:8786", f"127.0.0.1:{port}").replace("8786", str(port))
+    command = command.replace("--nthreads 8", "--nthreads 1").replace("/var/tmp", str(folder))
+    words = [str(CONSOLE.with_name("dask")), *shlex.split(command)[1:]]
+    return subprocess.Popen(words, env={**os.environ, **environment}, cwd=folder)
+
+
+@pytest.mark.slow
+def test_the_units_and_the_script_of_a_cluster(two_lines: SmallJob, tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    units = ("animeme-scheduler.service", "animeme-worker.service")
+    services = [started(name, port, tmp_path) for name in units]
+    try:
+        address, store = f"tcp://127.0.0.1:{port}", str(tmp_path / "farm")
+        ended = sh(put(two_lines.folder, "farm.sh"), SCHEDULER=address, STORE=store)
+        assert ended.returncode == 0, ended.stderr
+    finally:
+        for service in reversed(services):
+            service.terminate()
+            service.wait(PATIENCE_S)
+    assert set(two_lines.statuses().values()) == {"ok"}
 
 
 @pytest.mark.slow
