@@ -196,8 +196,6 @@ def simulated(count: int, layout: str) -> None:
             print(f"  {name}: {each:.2f} kB per line", flush=True)
         for _ in range(3 if count < 100_000 else 1):
             say("nothing changed", run(job, env=dict(os.environ)), count)
-        most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-        print(f"  peak memory {most:.0f} MB")
 
 
 def peak_mb() -> float:
