@@ -28,8 +28,6 @@ JOIN_LANGUAGES = "animeme.writing:join_languages"
 LINE_TIMEOUT_S = 600.0
 ASSET_TIMEOUT_S = 1800.0
 RETRIES = 1
-
-
 # A result that is lost while a run uses it is made again; not for ever.
 MOST_ROUNDS = 3
 SAVE_EVERY_S = 5.0
@@ -84,7 +82,8 @@ class Work:
     _saved: float = field(default_factory=time.monotonic)
 
     def __post_init__(self) -> None:
-        self._lines, self._files = _Counts("lines", self), _Counts("assets", self)
+        self._lines = _Counts("lines", self.ledger, self.listener)
+        self._files = _Counts("assets", self.ledger, self.listener)
 
     @cached_property
     def files(self) -> AssetRecall:
@@ -257,12 +256,14 @@ class _Counts:
 
     Attributes:
         stage: as of `Progress`.
-        work: whose stage it is.
+        ledger: knows what has failed.
+        listener: is told.
         done, total, known: as of `Progress`.
     """
 
     stage: str
-    work: Work
+    ledger: Ledger
+    listener: Listener
     done: int = 0
     total: int = 0
     known: int = 0
@@ -275,8 +276,8 @@ class _Counts:
 
     def tell(self) -> None:
         """Tell the run's listener."""
-        failed = self.work.ledger.failed
-        self.work.listener(Progress(self.stage, self.done, self.total, failed, self.known))
+        failed = self.ledger.failed
+        self.listener(Progress(self.stage, self.done, self.total, failed, self.known))
 
 
 def _noted(items: Iterable[_Item], under_way: dict[int, _Item]) -> Iterator[_Item]:
