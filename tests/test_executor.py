@@ -7,6 +7,8 @@ import os
 import random
 import select
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
@@ -14,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from animeme.executors import Executor, Result
+from animeme.executors import LATER, Executor, Result
 from animeme.executors.inline import InlineExecutor
 from animeme.executors.local import LocalExecutor, uninterrupted
 from support.clusters import cluster_here, wait_for
@@ -125,6 +127,30 @@ def test_work_begins_before_all_of_it_is_known(tmp_path: Path, chosen: Executor)
         assert {(result.index, result.outcome) for result in run} == {(0, "ok"), (1, "ok")}
 
 
+def test_what_says_that_the_next_may_take_a_while_is_no_item(executor: Executor) -> None:
+    items = [LATER, 1, 2, LATER, LATER, 3, LATER]
+    with patience():
+        run = executor.run("support.work:double", items, timeout_s=PATIENCE_S, retries=1)
+        assert {(result.index, result.value) for result in run} == {(0, 2), (1, 4), (2, 6)}
+
+
+@pytest.mark.parametrize("chosen", [InlineExecutor(), LocalExecutor(2)], ids=["inline", "local"])
+def test_results_come_in_while_the_next_item_takes_its_while(chosen: Executor) -> None:
+    found: list[int] = []
+
+    def numbers() -> Iterator[Any]:
+        yield 1
+        while not found:
+            yield LATER
+        yield 2
+
+    with patience():
+        run = chosen.run("support.work:double", numbers(), timeout_s=PATIENCE_S, retries=1)
+        for result in run:
+            found.append(result.value)  # noqa: PERF401  one by one, while the run goes on
+    assert found == [2, 4]
+
+
 def test_what_is_to_be_done_is_not_drawn_long_before(tmp_path: Path) -> None:
     drawn = 0
 
@@ -168,6 +194,13 @@ def test_a_hanging_task_costs_only_itself(supervised: Executor) -> None:
     items = ["good", "long", "good", "good"]
     found = results("hang", items, executor=supervised, timeout_s=3.0, retries=0)
     assert [result.outcome for result in found] == ["ok", "timeout", "ok", "ok"]
+
+
+def test_others_do_not_wait_for_a_hanging_task() -> None:
+    with patience():
+        items = ["good", "long", "good", "good"]
+        run = LocalExecutor(2).run("support.work:hang", items, timeout_s=10.0, retries=0)
+        assert [result.index for result in run][-1] == 1
 
 
 @pytest.mark.parametrize(
@@ -226,6 +259,32 @@ def test_an_abandoned_run_leaves_no_process() -> None:
     run.close()
     with pytest.raises(ProcessLookupError):
         os.kill(worker, 0)
+
+
+def test_processes_that_were_released_end_and_others_do_what_comes_after() -> None:
+    with LocalExecutor(1) as pool:
+        (first,) = results("process_id", ["before"], executor=pool)
+        with open(os.pidfd_open(first.value)) as handle:
+            pool.release()
+            with patience():
+                select.select([handle], [], [])
+        (second,) = results("process_id", ["after"], executor=pool)
+    assert (second.outcome, second.attempt) == ("ok", 1)
+    assert second.value != first.value
+
+
+def test_a_script_needs_no_guard_and_is_run_once(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from animeme.executors.local import LocalExecutor\n"
+        "print('begins')\n"
+        "run = LocalExecutor(2).run('math:sqrt', [4.0, 9.0], timeout_s=60, retries=0)\n"
+        "print(sorted(result.value for result in run))\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
+    assert (ended.stdout, ended.stderr) == ("begins\n[2.0, 3.0]\n", "")
 
 
 def test_a_run_leaves_the_environment_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -180,6 +180,27 @@ def test_an_output_that_somebody_touched_is_put_right(
     assert made(done) == {key: set() for key in LINES}
 
 
+def test_of_a_file_per_line_those_are_written_that_change_or_are_not_there(
+    tmp_path: Path, capsys: Capture
+) -> None:
+    job = small_job(tmp_path / "job", "en/boat", "en/five", "en/moon", "en/think")
+    job.asset("crab.usdc")
+    job.sections["characters.crab"] |= {"asset": ["crab.glb", "crab.usdc"], "layout": "per-line"}
+    assert run_inline(capsys, job).code == 0
+    first = results(job)
+    other_text(job)
+    (job.output / "en/crab/five.glb").unlink()
+    (job.output / "en/crab/moon.usdc").write_bytes(b"")
+    ran = run_inline(capsys, job)
+    ran.says("3 of 4 lines and 4 of 8 files were there already")
+    again = {f"en/crab/{name}" for name in ("boat.glb", "boat.usdc", "five.glb", "moon.usdc")}
+    assert written(job) == again
+    files = [path for path in first if path.startswith("en/crab/")]
+    assert len(files) == 8
+    other = {path for path in files if results(job)[path] != first[path]}
+    assert other == {"en/crab/boat.glb", "en/crab/boat.usdc"}
+
+
 def test_a_store_that_is_damaged_or_gone_costs_time_and_nothing_else(
     done: SmallJob, cache: Path, capsys: Capture
 ) -> None:

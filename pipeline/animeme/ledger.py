@@ -90,6 +90,7 @@ class Ledger:
     step_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     step_results: dict[str, tuple[int, int]] = field(default_factory=dict)
     _failed: set[int] = field(default_factory=set)
+    _unfit: dict[int, set[str]] = field(default_factory=dict)
     _lost: dict[str, list[Finding]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -126,10 +127,11 @@ class Ledger:
         outcome: LineOutcome | None = result.value
         self.findings.pop(item.number, None)
         self._failed.discard(item.number)
+        self._unfit.pop(item.number, None)
         steps: dict[str, Any] = {}
         if outcome is None:
             fault = fault_of(result, item.line.audio_file)
-            self._add(item.number, [replace(fault, line=item.line.key)])
+            self._judge(item.number, [replace(fault, line=item.line.key)])
         else:
             self._end(item.number, outcome)
             for step, seconds, hit in outcome.effort:
@@ -152,7 +154,7 @@ class Ledger:
         if outcome.spoken:
             self.spoken.add(number)
         if outcome.findings:
-            self._add(number, outcome.findings)
+            self._judge(number, outcome.findings)
 
     def _status(self, number: int) -> LineStatus:
         findings = self.findings.get(number)
@@ -212,16 +214,16 @@ class Ledger:
         self.written.update(map(self._relative, outcome.outputs if outcome else ()))
         self.record("assembly", output=self._relative(item.output), **_effort(result))
 
-    def good(self, character: str) -> Iterator[tuple[int, float]]:
-        """Number and length in seconds of each line that has curves for a character, in order."""
-        bad = {
-            number
-            for number, findings in self.findings.items()
-            for finding in findings
-            if finding.severity == Severity.ERROR and finding.character in ("", character)
-        }
+    def good(self, target: int) -> Iterator[tuple[int, float]]:
+        """Number and length in seconds of each line that has curves for a target, in order.
+
+        What becomes of a line's file on another target makes no difference.
+        """
+        unfit_for = {"", self.plan.targets[target].character}
         for number, length_s in enumerate(self.audio_s):
-            if length_s and number not in bad:
+            if length_s and not (
+                number in self._unfit and not unfit_for.isdisjoint(self._unfit[number])
+            ):
                 yield number, length_s
 
     def fresh(self) -> set[str]:
@@ -239,6 +241,14 @@ class Ledger:
     def failed(self) -> int:
         """How many lines have failed so far."""
         return len(self._failed)
+
+    def _judge(self, number: int, findings: Iterable[Finding]) -> None:
+        """Take in what the work on a line found: with an error it goes into no file."""
+        new = list(findings)
+        self._add(number, new)
+        whose = {finding.character for finding in new if finding.severity == Severity.ERROR}
+        if whose:
+            self._unfit[number] = whose
 
     def _add(self, number: int, findings: Iterable[Finding]) -> None:
         new = list(findings)

@@ -68,21 +68,21 @@ class Plan:
 
     def asset_items(
         self,
-        good: Callable[[str], Iterable[tuple[int, float]]],
+        good: Callable[[int], Iterable[tuple[int, float]]],
         curves: Callable[[int], Mapping[int, tuple[str, str]]],
         spool: Path,
     ) -> Iterator[tuple[AssetItem, list[str]]]:
         """One item per file to write, with the digests of its lines' curves.
 
         Args:
-            good: character → number of each line that has curves, in order, and its length in
-                seconds.
+            good: target → number of each line that has curves for it, in order, and its length
+                in seconds.
             curves: number of a line → target → key and digest of its curves.
             spool: the run's spool folder.
         """
         for index, target in enumerate(self.targets):
             files: dict[tuple[str, Path], list[tuple[AssetLine, str]]] = defaultdict(list)
-            for number, length_s in good(target.character):
+            for number, length_s in good(index):
                 line = self.lines[number]
                 if target.character not in self.characters_of(line):
                     continue
@@ -91,21 +91,21 @@ class Plan:
                     file = line.language, self.file_of(target, line)
                     asset_line = number, line.id, length_s, key, self._heard(line)
                     files[file].append((asset_line, digest))
-                if files and target.layout != "per-character":  # no other line is in its file
+                if files and target.one_line_each:
                     yield self._asset_item(index, *files.popitem(), spool)
             for file, lines in sorted(files.items()):
                 yield self._asset_item(index, file, lines, spool)
 
-    def count_files(self, good: Callable[[str], Iterable[tuple[int, float]]]) -> int:
+    def count_files(self, good: Callable[[int], Iterable[tuple[int, float]]]) -> int:
         """How many items `asset_items` gives, were it to find curves for all that is good."""
         count = 0
-        for target in self.targets:
-            lines = (self.lines[number] for number, _ in good(target.character))
+        for index, target in enumerate(self.targets):
+            lines = (self.lines[number] for number, _ in good(index))
             own = (line for line in lines if target.character in self.characters_of(line))
-            if target.layout == "per-character":
-                count += len({line.language for line in own})
-            else:
+            if target.one_line_each:
                 count += sum(1 for _ in own)
+            else:
+                count += len({line.language for line in own})
         return count
 
     def _asset_item(
@@ -166,14 +166,14 @@ class Plan:
 
     def language_files(self, target: Target) -> list[tuple[str, Path]]:
         """Language and file of each file that holds all lines of a language."""
-        if target.layout != "per-character":
+        if target.one_line_each:
             return []
         return sorted({(li.language, self.file_of(target, li)) for li in self._lines_of(target)})
 
     def assembly_path(self, target: Target) -> Path | None:
         """Where a format that joins languages puts the joined file; None where there is none."""
         suffix = target.assembly_suffix
-        if not suffix or target.layout != "per-character":
+        if not suffix or target.one_line_each:
             return None
         return self.job.output / f"{target.character}{suffix}"
 
@@ -213,7 +213,7 @@ class Plan:
 
     def file_of(self, target: Target, line: Line) -> Path:
         """The file of `target` that holds `line`."""
-        if target.layout == "per-character":
+        if not target.one_line_each:
             return self._folder(line.language) / f"{target.character}{target.suffix}"
         folder = self._folder(line.language, target.character)
         return folder / f"{line.id}{target.suffix}"

@@ -71,6 +71,7 @@ def run_job(
         work.do_lines()
         work.do_assets()
         work.join_languages()
+        executor.release()
         stale = stale_outputs(plan, ledger.fresh())
         ledger.general += [
             *_changed_sources(digests, memory),

@@ -58,6 +58,11 @@ class Target:
         form = registry.format_named(self.asset.format)
         return form.for_layout(self.layout, self.asset)
 
+    @property
+    def one_line_each(self) -> bool:
+        """Whether each of its files holds one line, and not all of a language."""
+        return self.layout != "per-character"
+
 
 @dataclass(frozen=True)
 class RunContext:

@@ -41,8 +41,7 @@ def read_dataset(
         lexicon: pronunciations that go before the aligner's own.
         rate_hz: frames per second, where the CSV files count frames.
         controls: names or patterns (``mouth*``) of the controls to keep; () keeps all.
-        workers: processes; with more than one the calling script needs an ``if __name__ ==
-            "__main__":`` guard.
+        workers: processes.
         listener: told of progress.
 
     Returns:

@@ -7,11 +7,11 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, TypeVar
 
-from animeme.executors import Executor, Result
+from animeme.executors import LATER, Executor, Result
 from animeme.findings import Finding
 from animeme.ledger import Ledger
 from animeme.recall import Recall
@@ -80,6 +80,7 @@ class Work:
     scope: Scope | None = None
     remarks: dict[str, Finding] = field(default_factory=dict)
     _saved: float = field(default_factory=time.monotonic)
+    _there: dict[int, bytearray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._lines = _Counts("lines", self.ledger, self.listener)
@@ -103,21 +104,46 @@ class Work:
         counts = self._lines
         counts.total = sum(1 for _ in self.entries(shard))
         counts.tell()
-        for _ in self._make(self._stale(self.entries(shard))):
+        items = self._stale(self.entries(shard))
+        if shard is None and self.scope is None:
+            items = chain(items, self._look_ahead())
+        for _ in self._make(items):
             counts.done += 1
             counts.tell()
         self.recall.close()
 
-    def _stale(self, lines: Iterable[Entry]) -> Iterator[LineItem]:
-        """The lines that have to be worked on; the others are taken up on the way."""
+    def _stale(self, lines: Iterable[Entry]) -> Iterator[Any]:
+        """The lines that have to be worked on, and a `LATER` now and then; the others are taken up
+        on the way.
+        """
         for part in self.recall.looked_up(lines, self.spool):
             known = [(item.number, outcome) for item, outcome in part if outcome is not None]
             self.ledger.take_up(known)
             self._lines.take_up(len(known))
+            self._lines.tell()
             for item, outcome in part:
                 if outcome is None and not self._kept(item):
                     yield item
             self._save()
+            yield LATER
+
+    def _look_ahead(self) -> Iterator[Any]:
+        """Take up files of one line each that are there, while other lines are worked on."""
+        ledger, count = self.ledger, len(self.ledger.plan.lines)
+        self._there = {
+            index: bytearray(count)
+            for index, target in enumerate(ledger.plan.targets)
+            if target.one_line_each
+        }
+
+        def good(target: int) -> Iterable[tuple[int, float]]:
+            return ledger.good(target) if target in self._there else ()
+
+        every = ledger.plan.asset_items(good, ledger.curves.of, self.spool)
+        while part := [*islice(every, FILES_AT_ONCE)]:
+            for item, outcome in self._looked_up(part):
+                self._there[item.target][item.lines[0][0]] = outcome is not None
+            yield LATER
 
     def _kept(self, item: LineItem) -> bool:
         """Whether nobody asked for a line that has changed, and it can stay as it is."""
@@ -127,6 +153,7 @@ class Work:
         if kept is not None:
             self.ledger.take_up([(item.number, kept)], "outdated")
             self._lines.take_up(1)
+            self._lines.tell()
         why = added() if kept is None else outdated(self.recall.why(item))
         self.remarks[item.line.key] = why
         return kept is not None
@@ -149,7 +176,7 @@ class Work:
     def do_assets(self) -> None:
         """Have each file written that is not there as it would be."""
         ledger = self.ledger
-        every = ledger.plan.asset_items(ledger.good, ledger.curves.of, self.spool)
+        every = ledger.plan.asset_items(self._not_there, ledger.curves.of, self.spool)
         self._files.total = ledger.plan.count_files(ledger.good)
         if self.scope is not None:
             files = self.scope.files
@@ -174,18 +201,32 @@ class Work:
                 break
             waiting = self._mended(again, lost)
 
-    def _unwritten(self, every: Iterable[tuple[AssetItem, list[str]]]) -> Iterator[AssetItem]:
+    def _not_there(self, target: int) -> Iterator[tuple[int, float]]:
+        """The lines of a target whose files have not been taken up."""
+        there = self._there.get(target)
+        return (entry for entry in self.ledger.good(target) if there is None or not there[entry[0]])
+
+    def _unwritten(self, every: Iterator[tuple[AssetItem, list[str]]]) -> Iterator[AssetItem]:
         """The files that have to be written; the others are taken up on the way."""
-        left = iter(every)
-        while part := [*islice(left, FILES_AT_ONCE)]:
-            keyed = [(self.files.asset_key(item, digests), item) for item, digests in part]
-            known = self.files.known(keyed)
-            pairs = [*zip(part, known, strict=True)]
-            there = [(item, outcome) for (item, _), outcome in pairs if outcome is not None]
-            self.ledger.take_up_assets(there)
-            self.ledger.files += len(part)
-            self._files.take_up(len(there))
-            yield from (item for (item, _), outcome in pairs if outcome is None)
+        self._files.tell()
+        while part := [*islice(every, FILES_AT_ONCE)]:
+            left = [item for item, outcome in self._looked_up(part) if outcome is None]
+            self._files.tell()
+            self.ledger.files += len(left)
+            yield from left
+
+    def _looked_up(
+        self, part: Sequence[tuple[AssetItem, list[str]]]
+    ) -> list[tuple[AssetItem, AssetOutcome | None]]:
+        """Files with their outcomes, if they are there; which are taken up."""
+        items = [item for item, _ in part]
+        keyed = [(self.files.asset_key(item, digests), item) for item, digests in part]
+        pairs = [*zip(items, self.files.known(keyed), strict=True)]
+        there = [(item, outcome) for item, outcome in pairs if outcome is not None]
+        self.ledger.take_up_assets(there)
+        self.ledger.files += len(there)
+        self._files.take_up(len(there))
+        return pairs
 
     def _end_asset(self, item: AssetItem, result: Result) -> None:
         outcome: AssetOutcome | None = result.value
@@ -272,7 +313,6 @@ class _Counts:
         """Count what an earlier run had done."""
         self.known += known
         self.done += known
-        self.tell()
 
     def tell(self) -> None:
         """Tell the run's listener."""
@@ -282,8 +322,11 @@ class _Counts:
 
 def _noted(items: Iterable[_Item], under_way: dict[int, _Item]) -> Iterator[_Item]:
     """The items, each noted under its index for as long as it is being worked on."""
-    for index, item in enumerate(items):
-        under_way[index] = item
+    index = 0
+    for item in items:
+        if item is not LATER:
+            under_way[index] = item
+            index += 1
         yield item
 
 

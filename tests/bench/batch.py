@@ -31,7 +31,7 @@ from typing import Any
 
 import soundfile
 
-from animeme.executors import Result
+from animeme.executors import LATER, Result
 from animeme.files import write_bytes
 from animeme.job import read_job
 from animeme.preflight import prepare
@@ -145,9 +145,12 @@ class Simulated:
         self, function: str, items: Iterable[Any], *, timeout_s: float, retries: int
     ) -> Iterator[Result]:
         name = function.rpartition(":")[2]
-        for index, item in enumerate(items):
+        for index, item in enumerate(item for item in items if item is not LATER):
             value = {"make_line": self._line, "write_asset": self._asset}.get(name, id)(item)
             yield Result(index, "ok", value, "", 1, 0.0, 0.0)
+
+    def release(self) -> None:
+        """Do nothing."""
 
     def _line(self, item: LineItem) -> LineOutcome:
         context = context_of(item.spool)
@@ -285,7 +288,7 @@ def lines(chosen: argparse.Namespace) -> None:
             say("nothing changed", run(job, *options, env=env), chosen.lines)
         for number in range(12):
             path = folder / "job" / "dialogue" / "en" / f"line-{2 * number:06d}.txt"
-            path.write_text(path.read_text() + " again")
+            path.write_text("again " + path.read_text())
         say("12 lines changed", run(job, *options, env=env), chosen.lines)
 
 

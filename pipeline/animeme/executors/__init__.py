@@ -7,9 +7,11 @@ import time
 import traceback
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Final, Literal, Protocol
 
 Outcome = Literal["ok", "error", "crash", "timeout"]
+# What items are drawn from may give it between them: an executor looks after its work meanwhile.
+LATER: Final = object()
 
 
 @dataclass(frozen=True)
@@ -51,10 +53,15 @@ class Executor(Protocol):
 
         Args:
             function: importable name, ``package.module:function``.
-            items: picklable arguments; drawn one by one, where an executor can work meanwhile.
+            items: picklable arguments; drawn one by one, where an executor can work meanwhile. A
+                `LATER` among them is none: it says that the next may take a while to come.
             timeout_s: the longest one item may take; not every executor can enforce it.
             retries: how often an item whose process died or hung is tried again.
         """
+        ...
+
+    def release(self) -> None:
+        """Let its processes end while the caller goes on: no more work is in sight."""
         ...
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from animeme.errors import InputError
-from animeme.executors import Result, crew
+from animeme.executors import LATER, Result, crew
 from animeme.executors.chunks import AHEAD, Batch
 from animeme.executors.clusters import local_cluster, lost, require_distributed, silence
 from animeme.files import unwritable
@@ -95,7 +95,7 @@ class DaskExecutor:
             InputError: there is no scheduler or no worker, for longer than `patience_s`, or a
                 worker is not fit for this run.
         """
-        given = list(items)
+        given = [item for item in items if item is not LATER]
         if not given:
             return
         try:
@@ -110,6 +110,9 @@ class DaskExecutor:
         finally:
             if not self._keeps:
                 self._close()
+
+    def release(self) -> None:
+        """Do nothing: its processes end with the connection."""
 
     def _results(self, batch: Batch, terms: crew.Terms) -> Iterator[Result]:
         self._manned = time.monotonic()

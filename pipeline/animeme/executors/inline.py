@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import redirect_stdout
 from typing import Any
 
-from animeme.executors import Result, call
+from animeme.executors import LATER, Result, call
 
 
 class InlineExecutor:
@@ -19,7 +19,7 @@ class InlineExecutor:
         self, function: str, items: Iterable[Any], *, timeout_s: float, retries: int
     ) -> Iterator[Result]:
         """Yield results in order; see `animeme.executors.Executor`."""
-        for index, item in enumerate(items):
+        for index, item in enumerate(item for item in items if item is not LATER):
             # Standard output is the caller's; what plug-ins print is for people.
             with redirect_stdout(sys.stderr):
                 try:
@@ -28,3 +28,6 @@ class InlineExecutor:
                     error = f"it tried to end the process with exit code {quit_.code}"
                     result = Result(index, "crash", None, error, 1, 0.0, 0.0)
             yield result
+
+    def release(self) -> None:
+        """Do nothing: there is no process but the caller's."""

@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import pickle
 import signal
+import sys
 import threading
 import time
 import traceback
@@ -21,16 +22,20 @@ from itertools import islice
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from types import ModuleType
 from typing import Any, Self
 
-from animeme.executors import Outcome, Result, call
+from animeme.executors import LATER, Outcome, Result, call
 
 # A task is small; threads of numerical libraries would only fight over the cores.
 _SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 # How far ahead of the work tasks are drawn, and how many before children are looked after.
 _MOST_WAITING = 10_000
 _DRAWN_AT_ONCE = 50
-# The environment is the whole process's, and a Dask worker starts processes in several threads.
+# What a child takes to start, about, and how many waiting tasks are worth that at any rate.
+_START_S = 0.4
+_MANY = 20
+# What children inherit is the whole process's, and a Dask worker starts them in several threads.
 _ENVIRONMENT = threading.Lock()
 
 
@@ -56,15 +61,20 @@ class _Tasks:
     """
 
     def __init__(self, items: Iterable[Any]) -> None:
-        self._left = enumerate(items)
+        self._left = iter(items)
+        self._count = 0
         self.waiting: deque[_Task] = deque()
         self.open = True
 
     def draw(self, most: int) -> None:
-        """Have up to `most` more of them waiting."""
-        drawn = [_Task(index, item) for index, item in islice(self._left, most)]
-        self.waiting += drawn
-        self.open = len(drawn) == most
+        """Have up to `most` more of them waiting: as many as there are without a `LATER`."""
+        for item in islice(self._left, most):
+            if item is LATER:
+                return
+            self.waiting.append(_Task(self._count, item))
+            self._count += 1
+            most -= 1
+        self.open = most == 0
 
 
 class _Child:
@@ -100,8 +110,8 @@ class LocalExecutor:
     """Runs tasks in `workers` spawned processes.
 
     Used as a context manager it keeps its processes, and what they have loaded, from one run to the
-    next. Scripts that use it need the usual ``if __name__ == "__main__":`` guard of
-    multiprocessing.
+    next. Its processes do not import the caller's script, as those of multiprocessing do: tasks
+    name what they need.
 
     Args:
         workers: how many.
@@ -120,6 +130,11 @@ class LocalExecutor:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def release(self) -> None:
+        """Let the processes that it keeps end; `close` waits for that."""
+        for child in self._children:
+            child.pipe.close()
 
     def close(self) -> None:
         """End the processes that it keeps."""
@@ -161,25 +176,32 @@ class LocalExecutor:
         self, function: str, tasks: _Tasks, timeout_s: float, retries: int
     ) -> Iterator[Result]:
         children, waiting = self._children, tasks.waiting
+        came, pace_s = time.monotonic(), 0.0
         while not self._stopped.is_set():
             busy = sum(child.task is not None for child in children)
             if tasks.open and not waiting and busy < self.workers:
                 tasks.draw(1)  # the first child starts while the next is looked for
             if not waiting and not busy:
+                if tasks.open:
+                    continue
                 return
-            self._start(min(self.workers, busy + len(waiting)) - len(children))
+            more = min(self.workers, busy + len(waiting)) - len(children)
+            if more > 0 and (not children or self._worth(tasks, came, pace_s)):
+                self._start(more if children or len(waiting) >= _MANY else 1)
             if self._stopped.is_set():
                 return  # `stop` may have come too early to see the newest child
             for child in [child for child in children if child.task is None]:
                 if waiting and not _hand_over(child, function, waiting):
                     children.remove(child)
             ahead = tasks.open and len(waiting) < _MOST_WAITING
-            ready = _ready(children, timeout_s, at_once=ahead)
+            most_s = 0.0 if ahead else _START_S if waiting and more > 0 else timeout_s
+            ready = _ready(children, timeout_s, most_s)
             if ahead and not ready:
                 tasks.draw(_DRAWN_AT_ONCE)
             for child in ready:
                 task, result = child.task, _collect(child, timeout_s)
                 child.task = None
+                came, pace_s = time.monotonic(), result.wall_s
                 if self._stopped.is_set():
                     return  # what it ended with is nobody's fault
                 if result.outcome in ("crash", "timeout"):
@@ -189,14 +211,30 @@ class LocalExecutor:
                         continue
                 yield result
 
+    def _worth(self, tasks: _Tasks, came: float, pace_s: float) -> bool:
+        """Whether those that are there would be at the waiting tasks longer than more of them take
+        to start.
+
+        Args:
+            tasks: what waits, and whether more is to come.
+            came: when the last result did.
+            pace_s: what that took.
+        """
+        there, many = len(self._children), len(tasks.waiting)
+        if many >= _MANY:
+            return True
+        if tasks.open and there + 1 >= default_workers():  # looking for tasks needs one as well
+            return False
+        return time.monotonic() - came >= _START_S or many * pace_s > there * _START_S
+
     def _start(self, more: int) -> None:
-        if more > 0:  # what follows costs its time even where there is nothing to start
-            with _single_threaded(), uninterrupted():
-                context = multiprocessing.get_context("spawn")
-                for _ in range(more):
-                    self._children.append(_Child(context))
+        with _ENVIRONMENT, _single_threaded(), _scriptless(), uninterrupted():
+            context = multiprocessing.get_context("spawn")
+            for _ in range(more):
+                self._children.append(_Child(context))
 
     def _end(self) -> None:
+        self.release()
         for child in self._children:
             child.end()
         self._children.clear()
@@ -229,17 +267,27 @@ def _is_main() -> bool:
 @contextmanager
 def _single_threaded() -> Iterator[None]:
     """Let processes that are started now use one thread each."""
-    with _ENVIRONMENT:
-        inherited = {name: os.environ.get(name) for name in _SINGLE_THREADED}
-        os.environ.update(dict.fromkeys(_SINGLE_THREADED, "1"))
-        try:
-            yield
-        finally:
-            for name, value in inherited.items():
-                if value is None:
-                    os.environ.pop(name, None)
-                else:
-                    os.environ[name] = value
+    inherited = {name: os.environ.get(name) for name in _SINGLE_THREADED}
+    os.environ.update(dict.fromkeys(_SINGLE_THREADED, "1"))
+    try:
+        yield
+    finally:
+        for name, value in inherited.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def _scriptless() -> Iterator[None]:
+    """Let processes that are started now leave the caller's script alone, which takes its time."""
+    script = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = script
 
 
 def _hand_over(child: _Child, function: str, waiting: deque[_Task]) -> bool:
@@ -253,14 +301,13 @@ def _hand_over(child: _Child, function: str, waiting: deque[_Task]) -> bool:
     return True
 
 
-def _ready(children: list[_Child], timeout_s: float, *, at_once: bool) -> list[_Child]:
-    """Children that answered, died, or ran out of time; waits for the first if not `at_once`."""
+def _ready(children: list[_Child], timeout_s: float, most_s: float) -> list[_Child]:
+    """Children that answered, died, or ran out of time; waits `most_s` for the first."""
     now = time.monotonic()
     busy = [child for child in children if child.task]
     patience = min((child.started + timeout_s - now for child in busy), default=0.0)
     handles: list[Any] = [handle for c in busy for handle in (c.pipe, c.process.sentinel)]
-    patience = 0.0 if at_once else max(patience, 0.0)
-    woken = wait(handles, timeout=patience) if handles else []
+    woken = wait(handles, timeout=max(min(patience, most_s), 0.0)) if handles else []
     now = time.monotonic()
     return [
         child
