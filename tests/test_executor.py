@@ -22,6 +22,7 @@ from animeme.executors.local import LocalExecutor, uninterrupted
 from support.clusters import cluster_here, wait_for
 from support.jobs import PATIENCE_S
 from support.patience import patience
+from support.work import Unsendable
 
 TESTS = Path(__file__).parent
 
@@ -250,6 +251,30 @@ def test_a_value_that_cannot_travel_is_an_error_of_its_item(
     found = results("odd_value", ["good", item, "good"], executor=supervised)
     assert [result.outcome for result in found] == ["ok", "error", "ok"]
     assert "Traceback" not in capfd.readouterr().err
+
+
+def test_an_item_that_cannot_travel_is_an_error_of_its_own(
+    supervised: Executor, capfd: pytest.CaptureFixture[str]
+) -> None:
+    items = ["good", "good", Unsendable(1, 2), *["good"] * 20]
+    found = results("process_id", items, executor=supervised)
+    assert [result.index for result in found if result.outcome != "ok"] == [2]
+    assert (found[2].outcome, found[2].attempt) == ("error", 1)
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_tasks_that_wait_behind_one_that_ends_its_process_are_not_blamed() -> None:
+    items = [*["good"] * 100, "exit", *["good"] * 100]
+    found = results("die", items, executor=LocalExecutor(1), retries=0)
+    assert [result.index for result in found if result.outcome != "ok"] == [100]
+    assert {result.attempt for result in found} == {1}
+
+
+def test_tasks_that_wait_behind_one_that_hangs_are_not_blamed() -> None:
+    items = [*["good"] * 100, "long", *["good"] * 100]
+    found = results("hang", items, executor=LocalExecutor(1), timeout_s=2.0, retries=0)
+    assert [result.index for result in found if result.outcome != "ok"] == [100]
+    assert found[100].outcome == "timeout"
 
 
 def test_an_abandoned_run_leaves_no_process() -> None:

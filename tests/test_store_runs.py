@@ -201,6 +201,21 @@ def test_of_a_file_per_line_those_are_written_that_change_or_are_not_there(
     assert other == {"en/crab/boat.glb", "en/crab/boat.usdc"}
 
 
+def test_a_file_that_cannot_be_written_keeps_no_other_asset_from_its_line(
+    tmp_path: Path, capsys: Capture
+) -> None:
+    job = small_job(tmp_path / "job", *LINES)
+    job.asset("crab.usdc")
+    job.sections["characters.crab"] |= {"asset": ["crab.glb", "crab.usdc"], "layout": "per-line"}
+    (job.output / "en/crab/boat.glb/in the way").mkdir(parents=True)
+    for _ in range(2):
+        assert run_inline(capsys, job).code == 1
+        assert job.statuses() == {"en/boat": "failed", "en/five": "ok"}
+        files = {path.name for path in (job.output / "en/crab").iterdir() if path.is_file()}
+        assert files == {"boat.usdc", "five.glb", "five.usdc"}
+    assert written(job) == {"en/crab/boat.glb"}
+
+
 def test_a_store_that_is_damaged_or_gone_costs_time_and_nothing_else(
     done: SmallJob, cache: Path, capsys: Capture
 ) -> None:

@@ -215,8 +215,8 @@ def counts_finely(stamped: str) -> bool:
 
 def _last_ns(stamped: str) -> int:
     """When the file of a stamp was last changed, in nanoseconds since the epoch."""
-    _, modified, changed, _ = map(int, stamped.split(":"))
-    return max(modified, changed)
+    _, modified, changed, _ = stamped.split(":")
+    return max(int(modified), int(changed))
 
 
 def let_go(path: Path) -> None:
@@ -230,9 +230,11 @@ def let_go(path: Path) -> None:
             os.posix_fadvise(stream.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
-def sha256(path: Path) -> str:
+def sha256(path: str | Path) -> str:
     """Hexadecimal SHA-256 of a file's content."""
-    with path.open("rb") as stream:
+    with open(path, "rb", buffering=0) as stream:
+        if os.fstat(stream.fileno()).st_size < _BLOCK:  # the other way takes longer
+            return hashlib.sha256(stream.readall()).hexdigest()
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 

@@ -183,7 +183,7 @@ class Ledger:
         )
 
     def _end_asset(
-        self, item: AssetItem, outputs: Sequence[Path], findings: Sequence[Finding]
+        self, item: AssetItem, outputs: Sequence[str], findings: Sequence[Finding]
     ) -> None:
         character = self.plan.targets[item.target].character
         paths = [*map(self._relative, outputs)]

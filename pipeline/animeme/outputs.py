@@ -113,7 +113,7 @@ def stale_outputs(plan: Plan, fresh: Collection[str]) -> Iterator[Finding]:
         left.update(path for name in names if (path := above + name) not in fresh)
     sweep_hidden(plan.job.output, hidden)
     left -= {*REPORT_NAMES}
-    for path in map(str, plan.possible_files() if left else ()):
+    for path in plan.possible_files() if left else ():
         if path[start:] in left:
             yield Finding(
                 Severity.WARNING,

@@ -81,7 +81,7 @@ class Plan:
             spool: the run's spool folder.
         """
         for index, target in enumerate(self.targets):
-            files: dict[tuple[str, Path], list[tuple[AssetLine, str]]] = defaultdict(list)
+            files: dict[tuple[str, str], list[tuple[AssetLine, str]]] = defaultdict(list)
             for number, length_s in good(index):
                 line = self.lines[number]
                 if target.character not in self.characters_of(line):
@@ -111,7 +111,7 @@ class Plan:
     def _asset_item(
         self,
         index: int,
-        file: tuple[str, Path],
+        file: tuple[str, str],
         held: list[tuple[AssetLine, str]],
         spool: Path,
     ) -> tuple[AssetItem, list[str]]:
@@ -161,14 +161,17 @@ class Plan:
             if path is not None and files:
                 package = self.package_path(target)
                 sounds = map(self._heard, self._lines_of(target)) if package else ()
-                items.append(AssemblyItem(index, files, path, spool, package, tuple(sounds)))
+                items.append(
+                    AssemblyItem(index, files, path, spool, package, tuple(map(Path, sounds)))
+                )
         return items
 
     def language_files(self, target: Target) -> list[tuple[str, Path]]:
         """Language and file of each file that holds all lines of a language."""
         if target.one_line_each:
             return []
-        return sorted({(li.language, self.file_of(target, li)) for li in self._lines_of(target)})
+        files = {(li.language, self.file_of(target, li)) for li in self._lines_of(target)}
+        return [(language, Path(file)) for language, file in sorted(files)]
 
     def assembly_path(self, target: Target) -> Path | None:
         """Where a format that joins languages puts the joined file; None where there is none."""
@@ -186,44 +189,38 @@ class Plan:
     def possible_outputs(self) -> Iterator[Path]:
         """Every asset, alignment and report that the run may write."""
         yield from (self.job.output / name for name in REPORT_NAMES)
-        yield from self.possible_files()
+        yield from map(Path, self.possible_files())
         for target in self.targets:
             beside = target.format.companions(target.asset)
-            folders = {self.file_of(target, line).parent for line in self._lines_of(target)}
-            yield from (folder / name for folder in sorted(folders) for name in beside)
+            folders = {os.path.dirname(self.file_of(target, li)) for li in self._lines_of(target)}
+            yield from (Path(folder, name) for folder in sorted(folders) for name in beside)
 
-    def possible_files(self) -> Iterator[Path]:
+    def possible_files(self) -> Iterator[str]:
         """Every asset, alignment, speech and curve file of the run, and not what comes along."""
         for line in self.lines:
-            yield Path(alignment_file(self.job.output, line))
-            yield Path(speech_file(self.job.output, line))
-        yield from self.curve_files()
+            yield alignment_file(self.job.output, line)
+            yield speech_file(self.job.output, line)
+        yield from map(str, self.curve_files())
         for target in self.targets:
             yield from dict.fromkeys(self.file_of(target, line) for line in self._lines_of(target))
             joined = (self.assembly_path(target), self.package_path(target))
-            yield from (path for path in joined if path is not None)
+            yield from (str(path) for path in joined if path is not None)
 
     def _lines_of(self, target: Target) -> Iterator[Line]:
         return (line for line in self.lines if target.character in self.characters_of(line))
 
-    def _heard(self, line: Line) -> Path:
+    def _heard(self, line: Line) -> str:
         """The line's recording, or what the run spoke in its place."""
         recorded = not self.job.speak or os.path.exists(line.audio_file)
-        return line.audio if recorded else Path(speech_file(self.job.output, line))
+        return line.audio_file if recorded else speech_file(self.job.output, line)
 
-    def file_of(self, target: Target, line: Line) -> Path:
-        """The file of `target` that holds `line`."""
-        if not target.one_line_each:
-            return self._folder(line.language) / f"{target.character}{target.suffix}"
-        folder = self._folder(line.language, target.character)
-        return folder / f"{line.id}{target.suffix}"
-
-    def _folder(self, *names: str) -> Path:
-        """A folder of the output; there are few of them, and many files."""
-        if names not in self._folders:
-            self._folders[names] = self.job.output.joinpath(*names)
-        return self._folders[names]
+    def file_of(self, target: Target, line: Line) -> str:
+        """The file of `target` that holds `line`, as a string: there may be many thousands."""
+        start = f"{self._output}/{line.language}/{target.character}"
+        return (
+            f"{start}/{line.id}{target.suffix}" if target.one_line_each else start + target.suffix
+        )
 
     @cached_property
-    def _folders(self) -> dict[tuple[str, ...], Path]:
-        return {}
+    def _output(self) -> str:
+        return str(self.job.output)

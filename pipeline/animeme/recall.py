@@ -6,7 +6,7 @@ import json
 import os
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
@@ -342,7 +342,7 @@ class Recall(Keyring):
         """Take in the digests of files that were just written."""
         for file in files:
             if file.stamp:
-                self.memory.digests.learn(os.path.abspath(file.path), file.stamp, file.digest)
+                self.memory.digests.learn(file.path, file.stamp, file.digest)
 
     def close(self) -> None:
         """When all lines have ended: remember what they look like, for the next run."""
@@ -412,5 +412,6 @@ class Recall(Keyring):
 _as_json = json.JSONEncoder(ensure_ascii=False, separators=(",", ":")).encode
 
 
+@lru_cache(maxsize=1024)  # most causes are the same for many lines
 def _short(text: str) -> str:
     return sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:8]

@@ -35,18 +35,18 @@ class AssetRecall:
 
     def __init__(self, memory: Memory, job: Job, targets: Sequence[Target]) -> None:
         self._memory = memory
-        self._output = job.output
+        self._output = str(job.output)
         self._curves = job.curves
         self._targets = targets
-        self._sources: dict[tuple[int, Path], list[str]] = {}
+        self._sources: dict[tuple[int, str], list[str]] = {}
         self._codes: dict[tuple[str, ...], str] = {}
-        self._places: dict[tuple[Path, str], str] = {}
-        self._start = len(str(job.output)) + 1
+        self._places: dict[tuple[str, str], str] = {}
+        self._start = len(self._output) + 1
         self._recent = Recent(memory, f"files of {os.path.abspath(job.output)}")
 
     def asset_key(self, item: AssetItem, curves: Iterable[str]) -> str:
         """The key of a file, given the digests of its lines' curves; "" if none can be had."""
-        folder = item.output.parent
+        folder = os.path.dirname(item.output)
         lines = [
             f"{name}\n{length_s!r}\n{digest}\n{self._relative(audio, folder)}"
             for (_, name, length_s, _, audio), digest in zip(item.lines, curves, strict=True)
@@ -67,7 +67,7 @@ class AssetRecall:
         """What the curve files that go with a file depend on, besides its lines."""
         if not item.exports:
             return []
-        folder = item.output.parent
+        folder = os.path.dirname(item.output)
         names = {number: name for number, name, *_ in item.lines}
         return [
             os.path.relpath(self._output, folder),
@@ -82,7 +82,7 @@ class AssetRecall:
 
     def assembly_key(self, item: AssemblyItem) -> str:
         """The key of a file that joins languages."""
-        folder = item.output.parent
+        folder = os.path.dirname(item.output)
         sources = self._source_parts(item.target, folder)
         files = [
             f"{language}\n{os.path.relpath(path, folder)}\n{self._memory.digests.of(path)}"
@@ -136,17 +136,15 @@ class AssetRecall:
             value = entry.value
         if value is None:
             return None
-        found = [self._memory.digests.look(self._output / path) for path, _ in value["outputs"]]
+        outputs = [f"{self._output}/{path}" for path, _ in value["outputs"]]
+        found = [self._memory.digests.look(path) for path in outputs]
         if [digest for digest, _ in found] != [digest for _, digest in value["outputs"]]:
             return None
         self._remember(key, item, value, [stamped for _, stamped in found])
         return self._outcome(item, value)
 
     def _outcome(self, item: AssetItem | AssemblyItem, value: Mapping[str, Any]) -> AssetOutcome:
-        own = self._below(item.output)
-        outputs = tuple(
-            item.output if path == own else self._output / path for path, _ in value["outputs"]
-        )
+        outputs = tuple(f"{self._output}/{path}" for path, _ in value["outputs"])
         character = self._targets[item.target].character
         tokens = self._tokens(item) if value["findings"] else {}
         findings = [
@@ -171,7 +169,7 @@ class AssetRecall:
     def keep(self, key: str, item: AssetItem | AssemblyItem, outcome: AssetOutcome) -> None:
         """Remember a file that was written."""
         for file in outcome.delivered:
-            self._memory.digests.learn(os.path.abspath(file.path), file.stamp, file.digest)
+            self._memory.digests.learn(file.path, file.stamp, file.digest)
         if (
             not key
             or not outcome.final
@@ -180,7 +178,7 @@ class AssetRecall:
             return
         tokens = self._tokens(item)
         value = {
-            "outputs": [[self._below(file.path), file.digest] for file in outcome.delivered],
+            "outputs": [[file.path[self._start :], file.digest] for file in outcome.delivered],
             "findings": [[finding.line, packed([finding], tokens)] for finding in outcome.findings],
         }
         self._memory.store.put(key, value)
@@ -191,16 +189,16 @@ class AssetRecall:
         """Remember the files by what they look like now."""
         self._recent.close()
 
-    def _below(self, path: Path) -> str:
+    def _below(self, path: str | Path) -> str:
         """A file of the run, from its output folder."""
         return str(path)[self._start :]
 
     def _tokens(self, item: AssetItem | AssemblyItem) -> dict[str, str]:
         source = self._targets[item.target].asset.source
-        folder = {str(self._output): "\0folder\0"}
+        folder = {self._output: "\0folder\0"}
         return {**folder, str(item.output): "\0output\0", str(source): "\0source\0"}
 
-    def _source_parts(self, index: int, folder: Path) -> list[str]:
+    def _source_parts(self, index: int, folder: str) -> list[str]:
         """What of its asset a file in a folder depends on; [] if that cannot be read."""
         if (index, folder) not in self._sources:
             target = self._targets[index]
@@ -227,7 +225,7 @@ class AssetRecall:
             self._codes[key] = self._memory.code.of(plugins, _ENGINE)
         return self._codes[key]
 
-    def _relative(self, path: Path, folder: Path) -> str:
+    def _relative(self, path: str | Path, folder: str) -> str:
         """A path from a folder; thousands of them in a few places, so each of these once."""
         head, _, name = str(path).rpartition("/")
         if (folder, head) not in self._places:

@@ -72,8 +72,8 @@ def rehearse(job: Job, memory: Memory, selection: Selection = EVERYTHING) -> Reh
     lines = 0
     stale: dict[str, tuple[str, ...]] = {}
     late: dict[str, tuple[str, ...]] = {}
-    every: set[Path] = set()
-    unwritten: set[Path] = set()
+    every: set[str] = set()
+    unwritten: set[str] = set()
     for part in recall.looked_up(scope.entries() if scope else plan.spoken_lines(), Path()):
         for item, known in part:
             lines += 1
@@ -108,6 +108,6 @@ def rehearse(job: Job, memory: Memory, selection: Selection = EVERYTHING) -> Reh
         lines,
         stale,
         len(every),
-        tuple(sorted(str(path)[start:] for path in unwritten)),
+        tuple(sorted(path[start:] for path in unwritten)),
         late,
     )

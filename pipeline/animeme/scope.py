@@ -37,7 +37,7 @@ class Scope:
     selection: Selection
     asked: frozenset[int]
     lines: frozenset[int]
-    files: frozenset[Path]
+    files: frozenset[str]
     pairs: frozenset[tuple[str, str]]
 
     def entries(self, *, asked: bool = False) -> Iterator[Entry]:
@@ -62,7 +62,7 @@ class Scope:
             for index in self.targets
             for _, path in self.plan.language_files(self.plan.targets[index])
         )
-        return {path for path in others if path not in self.files and path.is_file()}
+        return {path for path in others if str(path) not in self.files and path.is_file()}
 
     def covers(self, finding: Finding) -> bool:
         """Whether a stale file, by its place below the output folder, is the run's to mend."""
@@ -71,7 +71,7 @@ class Scope:
     def _own(self) -> set[str]:
         output, lines = self.plan.job.output, [self.plan.lines[number] for number in self.lines]
         own = {file(output, line) for file in (alignment_file, speech_file) for line in lines}
-        own |= set(map(str, self.files))
+        own |= self.files
         for index in self.targets:
             target = self.plan.targets[index]
             joined = (self.plan.assembly_path(target), self.plan.package_path(target))

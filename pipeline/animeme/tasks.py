@@ -7,6 +7,7 @@ finds everything done never imports.
 from __future__ import annotations
 
 import pickle
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -137,7 +138,7 @@ class LineItem:
 class Delivered:
     """A file that a run wrote: its digest, and its stamp as it was then."""
 
-    path: Path
+    path: str
     digest: str
     stamp: str
 
@@ -194,7 +195,7 @@ class AlignItem:
     plot: Path | None = None
 
 
-AssetLine = tuple[int, str, float, str, Path]
+AssetLine = tuple[int, str, float, str, str]
 """Number of a line, name of its animation, length in seconds, key of its curves, recording."""
 
 
@@ -206,7 +207,7 @@ class AssetItem:
         target: index into the context's targets.
         language: folder name and tag.
         lines: what goes into it.
-        output: file to write.
+        output: file to write; a string: there may be many thousands.
         spool: the run's spool folder.
         exports: (number of the line, kind, file) of each curve file to write as well.
     """
@@ -214,7 +215,7 @@ class AssetItem:
     target: int
     language: str
     lines: tuple[AssetLine, ...]
-    output: Path
+    output: str
     spool: Path
     exports: tuple[tuple[int, str, Path], ...] = ()
 
@@ -252,7 +253,7 @@ class AssetOutcome:
         final: as of `LineOutcome`.
     """
 
-    outputs: tuple[Path, ...]
+    outputs: tuple[str, ...]
     findings: tuple[Finding, ...]
     lost: tuple[int, ...] = ()
     delivered: tuple[Delivered, ...] = field(default=(), compare=False)
@@ -300,13 +301,13 @@ def private_store(spool: Path) -> Store:
 def deliver(output: Path, line: Line, document: bytes, speech: bytes) -> tuple[Delivered, ...]:
     """Put a line's alignment, and what was spoken for it, into the output folder."""
     files = [alignment_file(output, line)] + ([speech_file(output, line)] if speech else [])
-    paths = [Path(file) for file in files]
-    for path, data in zip(paths, (document, speech), strict=False):
-        write_bytes(path, data, durable=False)  # made again if a crash of the machine damages it
-    return delivered(paths)
+    for file, data in zip(files, (document, speech), strict=False):
+        # Made again if a crash of the machine damages it.
+        write_bytes(Path(file), data, durable=False)
+    return delivered(files)
 
 
-def delivered(paths: list[Path]) -> tuple[Delivered, ...]:
+def delivered(paths: Iterable[str]) -> tuple[Delivered, ...]:
     """The files as they are now, just written."""
     return tuple(Delivered(path, sha256(path), stamp(path)) for path in paths)
 

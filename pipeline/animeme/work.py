@@ -80,7 +80,9 @@ class Work:
     scope: Scope | None = None
     remarks: dict[str, Finding] = field(default_factory=dict)
     _saved: float = field(default_factory=time.monotonic)
+    _made: bytearray = field(default_factory=bytearray)
     _there: dict[int, bytearray] = field(default_factory=dict)
+    _asset_keys: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._lines = _Counts("lines", self.ledger, self.listener)
@@ -103,6 +105,7 @@ class Work:
         save_context(self.recall.context, self.spool)
         counts = self._lines
         counts.total = sum(1 for _ in self.entries(shard))
+        self._made = bytearray(len(self.ledger.plan.lines))
         counts.tell()
         items = self._stale(self.entries(shard))
         if shard is None and self.scope is None:
@@ -128,7 +131,9 @@ class Work:
             yield LATER
 
     def _look_ahead(self) -> Iterator[Any]:
-        """Take up files of one line each that are there, while other lines are worked on."""
+        """Take up files of one line each that are there, while other lines are worked on; of those
+        that have been made, they are not.
+        """
         ledger, count = self.ledger, len(self.ledger.plan.lines)
         self._there = {
             index: bytearray(count)
@@ -137,11 +142,12 @@ class Work:
         }
 
         def good(target: int) -> Iterable[tuple[int, float]]:
-            return ledger.good(target) if target in self._there else ()
+            lines = ledger.good(target) if target in self._there else ()
+            return (entry for entry in lines if not self._made[entry[0]])
 
         every = ledger.plan.asset_items(good, ledger.curves.of, self.spool)
         while part := [*islice(every, FILES_AT_ONCE)]:
-            for item, outcome in self._looked_up(part):
+            for _, item, outcome in self._looked_up(part):
                 self._there[item.target][item.lines[0][0]] = outcome is not None
             yield LATER
 
@@ -163,6 +169,7 @@ class Work:
         for result in self._run(MAKE_LINE, _noted(items, under_way), LINE_TIMEOUT_S):
             item = under_way.pop(result.index)
             self.ledger.end_line(item, result)
+            self._made[item.number] = True
             self.recall.keep(item, result.value)
             self._save()
             yield
@@ -210,23 +217,26 @@ class Work:
         """The files that have to be written; the others are taken up on the way."""
         self._files.tell()
         while part := [*islice(every, FILES_AT_ONCE)]:
-            left = [item for item, outcome in self._looked_up(part) if outcome is None]
+            found = self._looked_up(part)
             self._files.tell()
-            self.ledger.files += len(left)
-            yield from left
+            for key, item, outcome in found:
+                if outcome is None:
+                    self.ledger.files += 1
+                    self._asset_keys[item.output] = key
+                    yield item
 
     def _looked_up(
         self, part: Sequence[tuple[AssetItem, list[str]]]
-    ) -> list[tuple[AssetItem, AssetOutcome | None]]:
-        """Files with their outcomes, if they are there; which are taken up."""
-        items = [item for item, _ in part]
+    ) -> list[tuple[str, AssetItem, AssetOutcome | None]]:
+        """Files with their keys, and their outcomes if they are there; those are taken up."""
         keyed = [(self.files.asset_key(item, digests), item) for item, digests in part]
-        pairs = [*zip(items, self.files.known(keyed), strict=True)]
-        there = [(item, outcome) for item, outcome in pairs if outcome is not None]
+        outcomes = self.files.known(keyed)
+        found = [(*entry, outcome) for entry, outcome in zip(keyed, outcomes, strict=True)]
+        there = [(item, outcome) for _, item, outcome in found if outcome is not None]
         self.ledger.take_up_assets(there)
         self.ledger.files += len(there)
         self._files.take_up(len(there))
-        return pairs
+        return found
 
     def _end_asset(self, item: AssetItem, result: Result) -> None:
         outcome: AssetOutcome | None = result.value
@@ -234,9 +244,12 @@ class Work:
             gone = "its lines' curves vanish from the store as fast as they are put there"
             result = replace(result, outcome="error", value=None, error=gone)
         self.ledger.end_asset(item, result)
+        key = self._asset_keys.pop(item.output, None)
         if result.value is not None:
-            curves = [self.ledger.curves.of(line[0])[item.target][1] for line in item.lines]
-            self.files.keep(self.files.asset_key(item, curves), item, result.value)
+            if key is None:  # some of its lines have been made again since it was looked up
+                curves = [self.ledger.curves.of(line[0])[item.target][1] for line in item.lines]
+                key = self.files.asset_key(item, curves)
+            self.files.keep(key, item, result.value)
 
     def _mended(self, items: Sequence[AssetItem], lost: Collection[int]) -> list[AssetItem]:
         """The items, after the lines that are lost have been made again."""
@@ -246,6 +259,7 @@ class Work:
             pass
         again = []
         for item in items:
+            self._asset_keys.pop(item.output, None)
             now = {number: self.ledger.curves.of(number) for number, *_ in item.lines}
             lines = tuple(
                 (number, name, length_s, now[number][item.target][0], audio)

@@ -32,7 +32,7 @@ class _RejectedError(Exception):
 
 def write_asset(item: AssetItem) -> AssetOutcome:
     """Write one asset with its lines; it takes its place only if it passes its checks."""
-    context = context_of(item.spool)
+    context, output = context_of(item.spool), Path(item.output)
     target = context.targets[item.target]
     stores = (Store(context.store), private_store(item.spool))
     entries: list[Entry] = []
@@ -57,11 +57,11 @@ def write_asset(item: AssetItem) -> AssetOutcome:
             raise _RejectedError
 
     def write() -> tuple[Path, ...]:
-        outputs = form.write(target.asset, lines, item.output, verify=verify)
+        outputs = form.write(target.asset, lines, output, verify=verify)
         by_number = {entry[0]: line for entry, line in zip(item.lines, lines, strict=True)}
         return (*outputs, *_exported(item, by_number, target.rig, context, findings))
 
-    return _written(write, findings, target, item.output)
+    return _written(write, findings, target, output)
 
 
 def _animations(
@@ -75,7 +75,7 @@ def _animations(
         curves = drop_still(curves, target.asset.rest_weights(), meshes)
     lead_s = context.curves.preroll_s
     return tuple(
-        LineAnimation(name, item.language, shapes, length_s, events, lead_s, audio)
+        LineAnimation(name, item.language, shapes, length_s, events, lead_s, Path(audio))
         for (_, name, length_s, _, audio), shapes, (_, events) in zip(
             item.lines, curves, loaded, strict=True
         )
@@ -172,11 +172,12 @@ def _written(
         findings = [replace(finding, place=str(output)) for finding in findings]
     except InputError as error:
         findings = [*findings, Finding.from_error(error)]
-    noted = delivered(list(outputs))
+    files = tuple(map(str, outputs))
+    noted = delivered(files)
     for path in outputs:
         let_go(path)
     return AssetOutcome(
-        outputs,
+        files,
         tuple(replace(finding, character=target.character) for finding in findings),
         delivered=noted,
         final=bool(outputs) and before == [stamp(path) for path in sources],

@@ -161,7 +161,7 @@ class Simulated:
         return LineOutcome(1.0, (), alignment=key, curves=curves, final=True, delivered=files)
 
     def _asset(self, item: AssetItem) -> AssetOutcome:
-        write_bytes(item.output, b"glTF", durable=False)
+        write_bytes(Path(item.output), b"glTF", durable=False)
         files = delivered([item.output])
         return AssetOutcome((item.output,), (), delivered=files, final=True)
 

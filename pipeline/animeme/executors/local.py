@@ -1,7 +1,8 @@
 """A supervised pool of local processes.
 
-Each child has a pipe of its own and one task in flight, so that a death or a hang is blamed on the
-task that caused it, and costs that task only. Children end with their parent: their pipe closes.
+Each child has a pipe of its own, and answers each task before it begins the next, so that a death
+or a hang is blamed on the task that caused it, and costs that task only. Children end with their
+parent: their pipe closes.
 """
 
 from __future__ import annotations
@@ -9,7 +10,9 @@ from __future__ import annotations
 import multiprocessing
 import os
 import pickle
+import select
 import signal
+import struct
 import sys
 import threading
 import time
@@ -32,6 +35,13 @@ _SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 # How far ahead of the work tasks are drawn, and how many before children are looked after.
 _MOST_WAITING = 10_000
 _DRAWN_AT_ONCE = 50
+# A child is given tasks for about so long at once, and so many at most.
+_TOGETHER_S = 0.02
+_MOST_TOGETHER = 8
+# What a child's result begins with: its CPU seconds so far.
+_CPU = struct.Struct("d")
+# A long task is remembered for some short ones.
+_FADING = 0.9
 # What a child takes to start, about, and how many waiting tasks are worth that at any rate.
 _START_S = 0.4
 _MANY = 20
@@ -85,13 +95,17 @@ class _Child:
         self.process: BaseProcess = context.Process(target=_serve, args=(theirs,), daemon=True)
         self.process.start()
         theirs.close()
-        self.task: _Task | None = None
+        self.handles = self.pipe.fileno(), self.process.sentinel
+        self.tasks: deque[_Task] = deque()
         self.started = 0.0
         self.cpu_s = 0.0
 
-    def give(self, function: str, task: _Task) -> None:
-        self.task, self.started = task, time.monotonic()
-        self.pipe.send((function, task.index, task.item, task.attempt))
+    def give(self, function: str, tasks: list[_Task]) -> None:
+        """Have it do these; it has done what it was given before."""
+        # Each by itself: what cannot be loaded is nobody's fault but its own.
+        rows = [(task.index, pickle.dumps(task.item), task.attempt) for task in tasks]
+        self.pipe.send((function, rows))
+        self.tasks, self.started = deque(tasks), time.monotonic()
 
     def end(self) -> None:
         self.pipe.close()
@@ -178,7 +192,7 @@ class LocalExecutor:
         children, waiting = self._children, tasks.waiting
         came, pace_s = time.monotonic(), 0.0
         while not self._stopped.is_set():
-            busy = sum(child.task is not None for child in children)
+            busy = sum(bool(child.tasks) for child in children)
             if tasks.open and not waiting and busy < self.workers:
                 tasks.draw(1)  # the first child starts while the next is looked for
             if not waiting and not busy:
@@ -190,26 +204,29 @@ class LocalExecutor:
                 self._start(more if children or len(waiting) >= _MANY else 1)
             if self._stopped.is_set():
                 return  # `stop` may have come too early to see the newest child
-            for child in [child for child in children if child.task is None]:
-                if waiting and not _hand_over(child, function, waiting):
+            for child in [child for child in children if not child.tasks]:
+                share = _share(len(waiting), len(children), pace_s)
+                if share and not _hand_over(child, function, waiting, share):
                     children.remove(child)
             ahead = tasks.open and len(waiting) < _MOST_WAITING
+            if not ahead:
+                _rest(children, pace_s)
             most_s = 0.0 if ahead else _START_S if waiting and more > 0 else timeout_s
             ready = _ready(children, timeout_s, most_s)
             if ahead and not ready:
                 tasks.draw(_DRAWN_AT_ONCE)
             for child in ready:
-                task, result = child.task, _collect(child, timeout_s)
-                child.task = None
-                came, pace_s = time.monotonic(), result.wall_s
-                if self._stopped.is_set():
-                    return  # what it ended with is nobody's fault
-                if result.outcome in ("crash", "timeout"):
-                    children.remove(child)
-                    if task and result.attempt <= retries:
-                        waiting.append(replace(task, attempt=task.attempt + 1))
-                        continue
-                yield result
+                for task, result in _collected(child, timeout_s):
+                    came, pace_s = time.monotonic(), max(result.wall_s, _FADING * pace_s)
+                    if self._stopped.is_set():
+                        return  # what it ended with is nobody's fault
+                    if result.outcome in ("crash", "timeout"):
+                        children.remove(child)
+                        waiting.extendleft(reversed(child.tasks))
+                        if result.attempt <= retries:
+                            waiting.append(replace(task, attempt=task.attempt + 1))
+                            continue
+                    yield result
 
     def _worth(self, tasks: _Tasks, came: float, pace_s: float) -> bool:
         """Whether those that are there would be at the waiting tasks longer than more of them take
@@ -290,41 +307,81 @@ def _scriptless() -> Iterator[None]:
         sys.modules["__main__"] = script
 
 
-def _hand_over(child: _Child, function: str, waiting: deque[_Task]) -> bool:
-    """Give the child the next task; False if it has died while it was idle, nobody's fault."""
+def _share(waiting: int, children: int, pace_s: float) -> int:
+    """How many of the waiting tasks a child is given at once; long ones one by one."""
+    many = int(_TOGETHER_S / pace_s) if pace_s else 1
+    return min(waiting, max(1, min(many, _MOST_TOGETHER, waiting // (2 * children))))
+
+
+def _rest(children: list[_Child], pace_s: float) -> None:
+    """Leave the processor to children that have more than one task: several results are taken in
+    at once for less.
+    """
+    left = min((len(child.tasks) for child in children if child.tasks), default=1) - 1
+    if left > 0:
+        time.sleep(min(left * pace_s, _TOGETHER_S) / 2)
+
+
+def _hand_over(child: _Child, function: str, waiting: deque[_Task], share: int) -> bool:
+    """Give the child the next tasks; False if it has died while it was idle, nobody's fault."""
     try:
-        child.give(function, waiting[0])
+        child.give(function, [*islice(waiting, share)])
     except OSError:
         child.kill()
         return False
-    waiting.popleft()
+    for _ in range(share):
+        waiting.popleft()
     return True
 
 
 def _ready(children: list[_Child], timeout_s: float, most_s: float) -> list[_Child]:
     """Children that answered, died, or ran out of time; waits `most_s` for the first."""
     now = time.monotonic()
-    busy = [child for child in children if child.task]
+    busy = [child for child in children if child.tasks]
     patience = min((child.started + timeout_s - now for child in busy), default=0.0)
-    handles: list[Any] = [handle for c in busy for handle in (c.pipe, c.process.sentinel)]
-    woken = wait(handles, timeout=max(min(patience, most_s), 0.0)) if handles else []
+    handles = [handle for child in busy for handle in child.handles]
+    woken = _readable(handles, max(min(patience, most_s), 0.0))
     now = time.monotonic()
     return [
         child
         for child in busy
-        if child.pipe in woken
-        or child.process.sentinel in woken
-        or now >= child.started + timeout_s
+        if not woken.isdisjoint(child.handles) or now >= child.started + timeout_s
     ]
 
 
+def _readable(handles: Iterable[int], most_s: float) -> set[int]:
+    """Those that can be read or have ended; waits `most_s` for the first.
+
+    What multiprocessing has for it takes longer than many a task.
+    """
+    poll = select.poll()
+    for handle in handles:
+        poll.register(handle, select.POLLIN)
+    return {handle for handle, _ in poll.poll(1000 * most_s)}
+
+
+def _collected(child: _Child, timeout_s: float) -> Iterator[tuple[_Task, Result]]:
+    """The tasks of a child that is ready that have ended, and their results; it is dead afterwards
+    if one ended with it.
+    """
+    answers = True
+    while answers:
+        result = _collect(child, timeout_s)
+        task = child.tasks.popleft()
+        child.started = time.monotonic()
+        lives = result.outcome in ("ok", "error")
+        answers = lives and bool(child.tasks) and bool(_readable([child.pipe.fileno()], 0.0))
+        yield task, result
+
+
 def _collect(child: _Child, timeout_s: float) -> Result:
-    """The result of a child that is ready; the child is dead afterwards unless it answered."""
-    assert child.task is not None
+    """The result of the task that a child is at; it is dead afterwards unless it answered."""
+    task = child.tasks[0]
     try:
-        if child.pipe.poll():
-            child.cpu_s, data = child.pipe.recv()
-            return _unpacked(data, child.task)
+        if _readable([child.pipe.fileno()], 0.0):
+            data = child.pipe.recv_bytes()
+            (child.cpu_s,) = _CPU.unpack_from(data)
+            return _unpacked(data[_CPU.size :], task)
     except (EOFError, OSError):
         pass
     wall_s = time.monotonic() - child.started
@@ -337,7 +394,7 @@ def _collect(child: _Child, timeout_s: float) -> Result:
     else:
         error = f"its process ended with exit code {child.process.exitcode}"
     child.kill()
-    return Result(child.task.index, outcome, None, error, child.task.attempt, wall_s, 0.0)
+    return Result(task.index, outcome, None, error, task.attempt, wall_s, 0.0)
 
 
 def _unpacked(data: bytes, task: _Task) -> Result:
@@ -364,11 +421,21 @@ def _serve(pipe: Connection) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         while True:
-            function, index, item, attempt = pipe.recv()
-            data = _packed(call(function, index, item, attempt))
-            pipe.send((time.process_time(), data))
+            function, rows = pipe.recv()
+            for index, item, attempt in rows:
+                data = _packed(_done(function, index, item, attempt))
+                pipe.send_bytes(_CPU.pack(time.process_time()) + data)
     except (EOFError, BrokenPipeError):
         return
+
+
+def _done(function: str, index: int, data: bytes, attempt: int) -> Result:
+    try:
+        item = pickle.loads(data)  # from our own driver
+    except Exception:  # noqa: BLE001  a plug-in's may do anything here, too
+        error = f"its item cannot be loaded in its process\n{traceback.format_exc()}"
+        return Result(index, "error", None, error, attempt, 0.0, 0.0)
+    return call(function, index, item, attempt)
 
 
 def _end_with_parent() -> None:

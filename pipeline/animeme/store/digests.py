@@ -41,7 +41,7 @@ class Digests:
 
     def load(self, paths: Iterable[str | Path]) -> None:
         """Have what is known of these files at hand, in one query, until the next such call."""
-        self._index.load_files([os.path.join(self._folder, path) for path in paths])
+        self._index.load_files([self._full(path) for path in paths])
 
     def of(self, path: str | Path) -> str | None:
         """Digest of a file: `ABSENT` if it is not there, None if it cannot be read."""
@@ -52,8 +52,7 @@ class Digests:
         now = stamp(path)
         if not now:
             return ABSENT, ""
-        name = os.fspath(path)
-        full = name if name.startswith("/") else os.path.join(self._folder, name)
+        full = self._full(path)
         known = self._fresh.get(full)
         if known is None and not self._rehash:
             known = self._index.file(full)
@@ -61,7 +60,7 @@ class Digests:
             return known[1], now
         seen_ns = time.time_ns()
         try:
-            digest = sha256(Path(path))
+            digest = sha256(path)
         except OSError:
             return None, now
         self.learn(full, now, digest, seen_ns=seen_ns)
@@ -78,7 +77,7 @@ class Digests:
             digest: of what was read or written.
             seen_ns: when that was, in nanoseconds since the epoch; now if None.
         """
-        full = os.path.join(self._folder, path)
+        full = self._full(path)
         if telling(stamped, seen_ns or time.time_ns()):
             self._index.set_file(full, stamped, digest)
             self._unsettled.discard(full)
@@ -91,7 +90,12 @@ class Digests:
 
     def trusts(self, path: str) -> bool:
         """Whether a file that was looked at or learnt will look different once it is changed."""
-        return os.path.join(self._folder, path) not in self._unsettled
+        return self._full(path) not in self._unsettled
+
+    def _full(self, path: str | Path) -> str:
+        """The path from the root; there are several of every line."""
+        name = os.fspath(path)
+        return name if name.startswith("/") else os.path.join(self._folder, name)
 
     def settle(self) -> None:
         """Learn what was too fresh to be trusted when it was learnt, and is as it was then.

@@ -72,15 +72,22 @@ class Store:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.damaged: list[str] = []
+        self._place = str(folder)  # joining paths takes longer than it should, for every entry
 
     def path(self, key: str) -> Path:
         """The file of the entry called `key` (64 hexadecimal digits)."""
-        return self.folder / key[:2] / key[2:]
+        return Path(self._file(key))
+
+    def _file(self, key: str) -> str:
+        return f"{self._place}/{key[:2]}/{key[2:]}"
 
     def scratch(self) -> Path:
         """A name for a temporary file; `sweep` removes it when this process is dead."""
+        return Path(self._scratch())
+
+    def _scratch(self) -> str:
         name = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(4)}"
-        return self.folder / _TEMPORARY / name
+        return f"{self._place}/{_TEMPORARY}/{name}"
 
     def put(self, key: str, value: Mapping[str, Any], payload: bytes = b"") -> Entry:
         """Keep a result.
@@ -91,25 +98,26 @@ class Store:
         digest = hashlib.sha256(payload).hexdigest()
         content = {"key": key, "payload": digest, "value": value}
         head = json.dumps(content, ensure_ascii=False, separators=(",", ":")).encode()
-        scratch, target = self.scratch(), self.path(key)
+        scratch, target = self._scratch(), self._file(key)
         first = _MAGIC + hashlib.sha256(head).hexdigest().encode() + b"\n"
         try:
             try:
                 _write(scratch, target, first + head + b"\n" + payload)
             except FileNotFoundError:  # its folders are not there yet
-                target.parent.mkdir(parents=True, exist_ok=True)
-                scratch.parent.mkdir(exist_ok=True)
+                for path in (target, scratch):
+                    os.makedirs(os.path.dirname(path), exist_ok=True)
                 _write(scratch, target, first + head + b"\n" + payload)
         except OSError as error:
             with suppress(OSError):
-                scratch.unlink(missing_ok=True)
+                os.unlink(scratch)
             raise unstorable(self.folder, error) from error
         return Entry(value, payload, digest)
 
     def get(self, key: str) -> Entry | None:
         """The entry called `key`; None if there is none, or it is not what was written."""
         try:
-            data = self.path(key).read_bytes()
+            with open(self._file(key), "rb", buffering=0) as stream:
+                data = stream.readall()
         except OSError:
             return None
         entry = _parsed(key, data)
@@ -119,12 +127,12 @@ class Store:
 
     def has(self, key: str) -> bool:
         """Whether there is a file for `key`; what it holds shows when it is read."""
-        return self.path(key).is_file()
+        return os.path.isfile(self._file(key))
 
     def touch(self, key: str) -> bool:
         """Note that an entry is in use; False if there is none."""
         try:
-            os.utime(self.path(key))
+            os.utime(self._file(key))
         except OSError:
             return self.has(key)  # on a store that may only be read
         return True
@@ -179,7 +187,7 @@ def alive(process: int) -> bool:
     return True
 
 
-def _write(scratch: Path, target: Path, data: bytes) -> None:
+def _write(scratch: str, target: str, data: bytes) -> None:
     with open(scratch, "wb") as stream:
         stream.write(data)
     os.replace(scratch, target)

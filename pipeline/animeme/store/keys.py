@@ -208,6 +208,8 @@ def canonical(value: Any) -> str:
     """A value as text that is the same in every process; order counts."""
     if isinstance(value, str):  # most are
         return encode_basestring(value)
+    if value is None:
+        return "null"
     plain = asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
     return _encoded(plain)
 
