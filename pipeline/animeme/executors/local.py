@@ -44,6 +44,8 @@ _CPU = struct.Struct("d")
 _FADING = 0.9
 # What a child takes to start, about, and how many waiting tasks are worth that at any rate.
 _START_S = 0.4
+# How long few tasks wait for the first result: it comes after the start of the child that gives it.
+_FIRST_S = 1.6
 _MANY = 20
 # What children inherit is the whole process's, and a Dask worker starts them in several threads.
 _ENVIRONMENT = threading.Lock()
@@ -99,6 +101,7 @@ class _Child:
         self.tasks: deque[_Task] = deque()
         self.started = 0.0
         self.cpu_s = 0.0
+        self.warm = False  # it has loaded what it needs: its tasks take their own time
 
     def give(self, function: str, tasks: list[_Task]) -> None:
         """Have it do these; it has done what it was given before."""
@@ -191,6 +194,8 @@ class LocalExecutor:
     ) -> Iterator[Result]:
         children, waiting = self._children, tasks.waiting
         came, pace_s = time.monotonic(), 0.0
+        for child in children:
+            child.warm = False
         while not self._stopped.is_set():
             busy = sum(bool(child.tasks) for child in children)
             if tasks.open and not waiting and busy < self.workers:
@@ -217,7 +222,9 @@ class LocalExecutor:
                 tasks.draw(_DRAWN_AT_ONCE)
             for child in ready:
                 for task, result in _collected(child, timeout_s):
-                    came, pace_s = time.monotonic(), max(result.wall_s, _FADING * pace_s)
+                    came = time.monotonic()
+                    pace_s = max(result.wall_s, _FADING * pace_s) if child.warm else pace_s
+                    child.warm = True
                     if self._stopped.is_set():
                         return  # what it ended with is nobody's fault
                     if result.outcome in ("crash", "timeout"):
@@ -235,14 +242,15 @@ class LocalExecutor:
         Args:
             tasks: what waits, and whether more is to come.
             came: when the last result did.
-            pace_s: what that took.
+            pace_s: what that took, 0 if not known yet.
         """
-        there, many = len(self._children), len(tasks.waiting)
-        if many >= _MANY:
+        there, many, processors = len(self._children), len(tasks.waiting), default_workers()
+        if many >= _MANY or processors > there + many:
             return True
-        if tasks.open and there + 1 >= default_workers():  # looking for tasks needs one as well
+        if tasks.open and there + 1 >= processors:  # looking for tasks needs one as well
             return False
-        return time.monotonic() - came >= _START_S or many * pace_s > there * _START_S
+        patience_s = _START_S if pace_s else _FIRST_S
+        return time.monotonic() - came >= patience_s or many * pace_s > there * _START_S
 
     def _start(self, more: int) -> None:
         with _ENVIRONMENT, _single_threaded(), _scriptless(), uninterrupted():
