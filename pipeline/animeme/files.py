@@ -39,8 +39,9 @@ def atomic_path(target: Path, *, durable: bool = True) -> Iterator[Path]:
     """
     scratch = scratch_beside(target)
     try:
-        if not os.path.isdir(target.parent):
-            target.parent.mkdir(parents=True, exist_ok=True)
+        folder = os.path.dirname(scratch)
+        if folder and not os.path.isdir(folder):
+            os.makedirs(folder, exist_ok=True)
         yield scratch
         if durable:
             with open(scratch, "rb+", buffering=0) as stream:
@@ -143,8 +144,10 @@ def json_text(document: Mapping[str, Any]) -> str:
 
 def write_bytes(target: Path, data: bytes, *, durable: bool = True) -> None:
     """Write `data` to `target`, atomically; see `atomic_path`."""
-    with atomic_path(target, durable=durable) as scratch:
-        scratch.write_bytes(data)
+    with atomic_path(target, durable=durable) as scratch, open(scratch, "wb", buffering=0) as new:
+        left = memoryview(data)
+        while left:
+            left = left[new.write(left) :]
 
 
 def walk(
@@ -204,8 +207,8 @@ def telling(stamped: str, seen_ns: int) -> bool:
         stamped: its stamp, not "".
         seen_ns: when it was read, in nanoseconds since the epoch.
     """
-    step_ns = _STEP_NS if counts_finely(stamped) else _COARSE_STEP_NS
-    return seen_ns - _last_ns(stamped) > step_ns
+    last_ns = _last_ns(stamped)
+    return seen_ns - last_ns > (_STEP_NS if last_ns % _COARSE_NS else _COARSE_STEP_NS)
 
 
 def counts_finely(stamped: str) -> bool:

@@ -6,6 +6,7 @@ finds everything done never imports.
 
 from __future__ import annotations
 
+import hashlib
 import pickle
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -301,10 +302,12 @@ def private_store(spool: Path) -> Store:
 def deliver(output: Path, line: Line, document: bytes, speech: bytes) -> tuple[Delivered, ...]:
     """Put a line's alignment, and what was spoken for it, into the output folder."""
     files = [alignment_file(output, line)] + ([speech_file(output, line)] if speech else [])
+    noted = []
     for file, data in zip(files, (document, speech), strict=False):
         # Made again if a crash of the machine damages it.
         write_bytes(Path(file), data, durable=False)
-    return delivered(files)
+        noted.append(Delivered(file, hashlib.sha256(data).hexdigest(), stamp(file)))
+    return tuple(noted)
 
 
 def delivered(paths: Iterable[str]) -> tuple[Delivered, ...]:

@@ -35,13 +35,14 @@ _SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 # How far ahead of the work tasks are drawn, and how many before children are looked after.
 _MOST_WAITING = 10_000
 _DRAWN_AT_ONCE = 50
-# A child is given tasks for about so long at once, and so many at most.
-_TOGETHER_S = 0.02
-_MOST_TOGETHER = 8
-# What a child's result begins with: its CPU seconds so far.
-_CPU = struct.Struct("d")
+# A child is given tasks for about so long at once, and so many at most; meanwhile the driver rests.
+_TOGETHER_S = 0.05
+_MOST_TOGETHER = 16
+_MOST_REST_S = 0.01
 # A long task is remembered for some short ones.
 _FADING = 0.9
+# What a child's result begins with: its CPU seconds so far.
+_CPU = struct.Struct("d")
 # What a child takes to start, about, and how many waiting tasks are worth that at any rate.
 _START_S = 0.4
 # How long few tasks wait for the first result: it comes after the start of the child that gives it.
@@ -327,7 +328,7 @@ def _rest(children: list[_Child], pace_s: float) -> None:
     """
     left = min((len(child.tasks) for child in children if child.tasks), default=1) - 1
     if left > 0:
-        time.sleep(min(left * pace_s, _TOGETHER_S) / 2)
+        time.sleep(min(left * pace_s / 2, _MOST_REST_S))
 
 
 def _hand_over(child: _Child, function: str, waiting: deque[_Task], share: int) -> bool:
