@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections import deque
 from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,8 +18,9 @@ from typing import Any
 import pytest
 
 from animeme.executors import LATER, Executor, Result
+from animeme.executors.child import Task, readable, start, uninterrupted
 from animeme.executors.inline import InlineExecutor
-from animeme.executors.local import LocalExecutor, uninterrupted
+from animeme.executors.local import LocalExecutor
 from support.clusters import cluster_here, wait_for
 from support.jobs import PATIENCE_S
 from support.patience import patience
@@ -275,6 +277,21 @@ def test_tasks_that_wait_behind_one_that_hangs_are_not_blamed() -> None:
     found = results("hang", items, executor=LocalExecutor(1), timeout_s=2.0, retries=0)
     assert [result.index for result in found if result.outcome != "ok"] == [100]
     assert found[100].outcome == "timeout"
+
+
+def test_a_child_gives_back_what_waits_behind_a_long_task() -> None:
+    (child,) = start(1)
+    tasks = [Task(index, 0.5 if index == 1 else 0.0) for index in range(5)]
+    waiting = deque([Task(5, 0.0)])
+    found: list[Task] = []
+    with patience():
+        assert child.give("support.work:rest", tasks)
+        while child.tasks:
+            assert readable(child.handles, PATIENCE_S)
+            found += [task for task, _ in child.collect(PATIENCE_S, waiting)]
+        child.end()
+    assert [task.index for task in found] == [0, 1]
+    assert [task.index for task in waiting] == [2, 3, 4, 5]
 
 
 def test_an_abandoned_run_leaves_no_process() -> None:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from animeme.batch import run
+from animeme.work import Progress
 from support.jobs import SAMPLE, Capture, SmallJob, animeme, run_inline, small_job
 from support.schemas import validate
 from support.stores import EVERY_STEP, made, rehearsed, results, written
@@ -214,6 +216,49 @@ def test_a_file_that_cannot_be_written_keeps_no_other_asset_from_its_line(
         files = {path.name for path in (job.output / "en/crab").iterdir() if path.is_file()}
         assert files == {"boat.usdc", "five.glb", "five.usdc"}
     assert written(job) == {"en/crab/boat.glb"}
+
+
+def test_files_of_an_asset_that_was_replaced_meanwhile_are_not_taken_for_its_own(
+    tmp_path: Path, capsys: Capture
+) -> None:
+    job = small_job(tmp_path / "job", *LINES)
+    job.sections["characters.crab"]["layout"] = "per-line"
+    assert run_inline(capsys, job).code == 0
+    first = results(job)
+    shutil.rmtree(job.output)
+    asset = job.folder / "crab.glb"
+    old = asset.read_bytes()
+
+    told: list[Progress] = []
+
+    def replace_asset(event: Progress) -> None:
+        told.extend([event] if event.stage == "assets" else [])
+        if len(told) == 2 and asset.read_bytes() == old:  # files have been looked for, not written
+            asset.write_bytes(old.replace(b'"generator"', b'"Generator"'))
+            assert asset.read_bytes() != old
+
+    report = run(job.file, listener=replace_asset)
+    assert [finding.code for finding in report.findings] == ["source-changed"]
+    assert results(job)["en/crab/five.glb"] != first["en/crab/five.glb"]
+    asset.write_bytes(old)
+    assert run_inline(capsys, job).code == 0
+    assert results(job) == first
+
+
+def test_the_working_folder_may_be_the_output_folder(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = small_job(tmp_path / "job", "en/boat")
+    file = job.write()
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    for known in (0, 1):
+        ran = animeme(
+            capsys, "run", file, "--output", ".", "--fail-on", "info", "--executor", "inline"
+        )
+        assert ran.code == 0, ran.err
+        ran.says(f"{known} of 1 lines and {known} of 1 files were there already")
+        assert Path("en/crab.glb").is_file()
 
 
 def test_a_store_that_is_damaged_or_gone_costs_time_and_nothing_else(

@@ -18,6 +18,8 @@ from animeme.errors import InputError
 _STEP_NS = 50_000_000
 _COARSE_NS = 1_000_000
 _COARSE_STEP_NS = 2_100_000_000
+# Bytes that are read and written together.
+_BLOCK = 1 << 20
 # Bytes of a file that is worth forgetting.
 _LARGE = 1 << 22
 
@@ -106,9 +108,6 @@ def update_text(target: Path, parts: Iterable[str]) -> None:
                     new.write(old.read(min(_BLOCK, same - start)))
         new.write(block)
         new.writelines(blocks)
-
-
-_BLOCK = 1 << 20
 
 
 def _blocks(parts: Iterable[str]) -> Iterator[bytes]:
@@ -208,12 +207,16 @@ def telling(stamped: str, seen_ns: int) -> bool:
         seen_ns: when it was read, in nanoseconds since the epoch.
     """
     last_ns = _last_ns(stamped)
-    return seen_ns - last_ns > (_STEP_NS if last_ns % _COARSE_NS else _COARSE_STEP_NS)
+    return seen_ns - last_ns > (_STEP_NS if _is_fine(last_ns) else _COARSE_STEP_NS)
 
 
 def counts_finely(stamped: str) -> bool:
     """Whether the file system of a stamp counts parts of a second."""
-    return _last_ns(stamped) % _COARSE_NS != 0
+    return _is_fine(_last_ns(stamped))
+
+
+def _is_fine(time_ns: int) -> bool:
+    return time_ns % _COARSE_NS != 0
 
 
 def _last_ns(stamped: str) -> int:

@@ -160,7 +160,7 @@ def _job(document: JobDocument, path: Path, output: Path | None) -> Job:
     return Job(
         name=document.job.name,
         source=path,
-        output=output or folder / document.job.output,
+        output=_named(output or folder / document.job.output),
         cache=folder / Path(document.job.cache).expanduser() if document.job.cache else None,
         dialogue=_dialogue(document.dialogue, folder),
         speak=document.dialogue.speak,
@@ -172,6 +172,11 @@ def _job(document: JobDocument, path: Path, output: Path | None) -> Job:
         curves=_curves(document.curves),
         characters=characters,
     )
+
+
+def _named(folder: Path) -> Path:
+    """The folder; the working folder by its whole path: below ``.``, paths are not ``./…``."""
+    return folder if folder.parts else Path.cwd()
 
 
 def _dialogue(section: DialogueSection, folder: Path) -> DialogueSource:

@@ -90,7 +90,9 @@ class Ledger:
     step_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     step_results: dict[str, tuple[int, int]] = field(default_factory=dict)
     _failed: set[int] = field(default_factory=set)
+    # By number of a line: characters in whose files it is not ("": all), and what its files said.
     _unfit: dict[int, set[str]] = field(default_factory=dict)
+    _in_files: dict[int, list[Finding]] = field(default_factory=lambda: defaultdict(list))
     _lost: dict[str, list[Finding]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -125,9 +127,12 @@ class Ledger:
     def end_line(self, item: LineItem, result: Result) -> None:
         """Take in how the work on a line ended."""
         outcome: LineOutcome | None = result.value
+        # If it is made again: what was found in its files stays.
         self.findings.pop(item.number, None)
         self._failed.discard(item.number)
         self._unfit.pop(item.number, None)
+        if item.number in self._in_files:
+            self._add(item.number, self._in_files[item.number])
         steps: dict[str, Any] = {}
         if outcome is None:
             fault = fault_of(result, item.line.audio_file)
@@ -175,7 +180,7 @@ class Ledger:
     def end_asset(self, item: AssetItem, result: Result) -> None:
         """Take in how the work on a file ended: its findings go to the lines in it."""
         outcome: AssetOutcome | None = result.value
-        findings = (fault_of(result, str(item.output)),) if outcome is None else outcome.findings
+        findings = (fault_of(result, item.output),) if outcome is None else outcome.findings
         self.step_s["write"] += result.cpu_s
         self._end_asset(item, outcome.outputs if outcome else (), findings)
         self.record(
@@ -192,8 +197,10 @@ class Ledger:
         for number, name, *_ in item.lines:
             if findings:
                 line = self.plan.lines[number].key
-                own = (finding for finding in findings if finding.line in ("", name))
-                self._add(number, (replace(f, line=line, character=character) for f in own))
+                own = [finding for finding in findings if finding.line in ("", name)]
+                said = [replace(f, line=line, character=character) for f in own]
+                self._in_files[number] += said
+                self._add(number, said)
             self.outputs[number] += held
 
     def take_up_assembly(self, item: AssemblyItem, outcome: AssetOutcome) -> None:

@@ -39,6 +39,7 @@ class AssetRecall:
         self._curves = job.curves
         self._targets = targets
         self._sources: dict[tuple[int, str], list[str]] = {}
+        self._stamps: dict[int, list[tuple[Path, str]]] = {}
         self._codes: dict[tuple[str, ...], str] = {}
         self._places: dict[tuple[str, str], str] = {}
         self._start = len(self._output) + 1
@@ -122,10 +123,10 @@ class AssetRecall:
     def _as_it_was(self, item: AssetItem | AssemblyItem, text: str) -> AssetOutcome | None:
         """The outcome of a file if it looks as it did when it was last known."""
         value = json.loads(text)
-        outputs = [f"{self._output}/{path}" for path, _ in value["outputs"]]
+        outputs = tuple(f"{self._output}/{path}" for path, _ in value["outputs"])
         if not outputs or [stamp(path) for path in outputs] != value["stamps"]:
             return None
-        return self._outcome(item, value)
+        return self._outcome(item, value, outputs)
 
     def _there(
         self, key: str, item: AssetItem | AssemblyItem, noted: str | None
@@ -136,15 +137,16 @@ class AssetRecall:
             value = entry.value
         if value is None:
             return None
-        outputs = [f"{self._output}/{path}" for path, _ in value["outputs"]]
+        outputs = tuple(f"{self._output}/{path}" for path, _ in value["outputs"])
         found = [self._memory.digests.look(path) for path in outputs]
         if [digest for digest, _ in found] != [digest for _, digest in value["outputs"]]:
             return None
         self._remember(key, item, value, [stamped for _, stamped in found])
-        return self._outcome(item, value)
+        return self._outcome(item, value, outputs)
 
-    def _outcome(self, item: AssetItem | AssemblyItem, value: Mapping[str, Any]) -> AssetOutcome:
-        outputs = tuple(f"{self._output}/{path}" for path, _ in value["outputs"])
+    def _outcome(
+        self, item: AssetItem | AssemblyItem, value: Mapping[str, Any], outputs: tuple[str, ...]
+    ) -> AssetOutcome:
         character = self._targets[item.target].character
         tokens = self._tokens(item) if value["findings"] else {}
         findings = [
@@ -174,6 +176,7 @@ class AssetRecall:
             not key
             or not outcome.final
             or any(f.severity == Severity.ERROR for f in outcome.findings)
+            or any(stamp(path) != seen for path, seen in self._stamps[item.target])
         ):
             return
         tokens = self._tokens(item)
@@ -203,7 +206,10 @@ class AssetRecall:
         if (index, folder) not in self._sources:
             target = self._targets[index]
             files = [target.asset.source, *target.inputs]
-            digests = [self._memory.digests.of(path) for path in files]
+            looks = [self._memory.digests.look(path) for path in files]
+            digests = [digest for digest, _ in looks]
+            stamps = [seen for _, seen in looks]
+            self._stamps.setdefault(index, [*zip(files, stamps, strict=True)])
             parts = [
                 f"{os.path.relpath(path, folder)}\n{digest}"
                 for path, digest in zip(files, digests, strict=True)

@@ -80,6 +80,9 @@ class Work:
     scope: Scope | None = None
     remarks: dict[str, Finding] = field(default_factory=dict)
     _saved: float = field(default_factory=time.monotonic)
+    # Lines that are being worked on; by number, whether one was made; by target and number, whether
+    # its file has been taken up; file → its key, until it is written.
+    _under_way: dict[int, LineItem] = field(default_factory=dict)
     _made: bytearray = field(default_factory=bytearray)
     _there: dict[int, bytearray] = field(default_factory=dict)
     _asset_keys: dict[str, str] = field(default_factory=dict)
@@ -108,7 +111,7 @@ class Work:
         self._made = bytearray(len(self.ledger.plan.lines))
         counts.tell()
         items = self._stale(self.entries(shard))
-        if shard is None and self.scope is None:
+        if shard is None and self.scope is None and self.executor.overlaps:
             items = chain(items, self._look_ahead())
         for _ in self._make(items):
             counts.done += 1
@@ -131,8 +134,10 @@ class Work:
             yield LATER
 
     def _look_ahead(self) -> Iterator[Any]:
-        """Take up files of one line each that are there, while other lines are worked on; of those
-        that have been made, they are not.
+        """Take up files of one line each that are there, while other lines are worked on.
+
+        Those of lines that this run makes are left for later, as are all when no line is worked on
+        any more.
         """
         ledger, count = self.ledger, len(self.ledger.plan.lines)
         self._there = {
@@ -146,7 +151,7 @@ class Work:
             return (entry for entry in lines if not self._made[entry[0]])
 
         every = ledger.plan.asset_items(good, ledger.curves.of, self.spool)
-        while part := [*islice(every, FILES_AT_ONCE)]:
+        while self._under_way and (part := [*islice(every, FILES_AT_ONCE)]):
             for _, item, outcome in self._looked_up(part):
                 self._there[item.target][item.lines[0][0]] = outcome is not None
             yield LATER
@@ -165,7 +170,7 @@ class Work:
         return kept is not None
 
     def _make(self, items: Iterable[LineItem]) -> Iterator[None]:
-        under_way: dict[int, LineItem] = {}
+        under_way = self._under_way = {}
         for result in self._run(MAKE_LINE, _noted(items, under_way), LINE_TIMEOUT_S):
             item = under_way.pop(result.index)
             self.ledger.end_line(item, result)

@@ -140,6 +140,7 @@ class Simulated:
     """An executor whose stages take no time: it says that all is done, and puts files there."""
 
     cpu_s = 0.0
+    overlaps = False
 
     def run(
         self, function: str, items: Iterable[Any], *, timeout_s: float, retries: int

@@ -17,6 +17,12 @@ def process_id(item: Any) -> int:
     return os.getpid()
 
 
+def rest(item: float) -> int:
+    """Sleep for some seconds; return the process's id."""
+    time.sleep(item)
+    return os.getpid()
+
+
 def refuse(item: str) -> str:
     """Raise on everything but "good"."""
     if item != "good":

@@ -39,7 +39,13 @@ class Result:
 
 
 class Executor(Protocol):
-    """Runs one function over many items."""
+    """Runs one function over many items.
+
+    Attributes:
+        overlaps: it draws items while it works on others.
+    """
+
+    overlaps: bool
 
     @property
     def cpu_s(self) -> float:

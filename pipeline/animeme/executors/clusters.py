@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from animeme.errors import InputError
-from animeme.executors.local import uninterrupted
+from animeme.executors.child import uninterrupted
 
 
 def lost() -> tuple[type[BaseException], ...]:

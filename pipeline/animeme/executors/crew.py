@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from animeme import executors
-from animeme.executors import Result, local, processes, resolve
+from animeme.executors import Result, child, local, processes, resolve
 from animeme.executors.local import LocalExecutor
 from animeme.executors.processes import Processes
 
@@ -38,7 +38,10 @@ TOGETHER_S = 0.5
 CODE_TIMEOUT_S = 300.0
 # What a run calls, besides plug-ins.
 _ENGINE = ("animeme.animating", "animeme.writing", "animeme.preflight")
-_PARTS = [Path(__file__), *(Path(str(part.__file__)) for part in (executors, local, processes))]
+_PARTS = [
+    Path(__file__),
+    *(Path(str(part.__file__)) for part in (executors, child, local, processes)),
+]
 _OWN = hashlib.sha256(b"".join(path.read_bytes() for path in _PARTS)).hexdigest()
 
 

@@ -51,6 +51,8 @@ class DaskExecutor:
         patience_s: how long to wait for a scheduler or a worker to come, or to come back.
     """
 
+    overlaps = False
+
     def __init__(
         self,
         scheduler: str | None = None,

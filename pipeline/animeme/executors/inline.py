@@ -14,6 +14,7 @@ class InlineExecutor:
     """Runs tasks here; a crash takes this process with it, and nothing can time out."""
 
     cpu_s = 0.0
+    overlaps = False
 
     def run(
         self, function: str, items: Iterable[Any], *, timeout_s: float, retries: int
