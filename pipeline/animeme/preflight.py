@@ -66,8 +66,9 @@ def prepare(job: Job, memory: Memory, executor: Executor | None = None) -> Prepa
             return known
     with documents.reading() as files:
         check_job(job)
-        load_plugins(job)
-        targets, findings = load_targets(job, _deadly(job, executor))
+        if executor is None:
+            load_plugins(job)
+        targets, findings = load_targets(job, _deadly(job, executor) if executor else {})
     require_distinct_companions(job, targets)
     files += [path for target in targets for path in (target.asset.source, *target.inputs)]
     digests = {str(path): memory.digests.of(path) for path in files}
@@ -166,13 +167,20 @@ def _nothing(job: Job, findings: Iterable[Finding]) -> list[Problem]:
     return [Problem("dialogue.root", message, action)]
 
 
-def _deadly(job: Job, executor: Executor | None) -> dict[Path, InputError]:
-    """Assets whose reading ends or stops a process, as its workers found."""
-    if executor is None:
-        return {}
+def _deadly(job: Job, executor: Executor) -> dict[Path, InputError]:
+    """Assets whose reading ends or stops a process, as workers find; meanwhile load all plug-ins.
+
+    Raises:
+        PluginError: as of `load_plugins`.
+    """
     files = {path: c.asset_root for c in job.characters for path in c.assets}
+
+    def items() -> Iterator[tuple[Path, Path | None]]:
+        yield from files.items()
+        load_plugins(job)
+
     results = executor.run(
-        "animeme.preflight:try_asset", list(files.items()), timeout_s=OPENING_TIMEOUT_S, retries=0
+        "animeme.preflight:try_asset", items(), timeout_s=OPENING_TIMEOUT_S, retries=0
     )
     paths = list(files)
     return {
