@@ -91,3 +91,17 @@ def test_a_damaged_workbook_is_read_or_refused(tmp_path: Path) -> None:
     for seed in range(ROUNDS):
         path.write_bytes(damage(data, random.Random(seed)))
         read(path, "")
+
+
+def test_a_workbook_of_a_newer_zip_is_refused_until_it_is_exported_again(tmp_path: Path) -> None:
+    folder_of(tmp_path / "vo", ["en/a.wav"])
+    path = workbook(tmp_path / "lines.xlsx", {"one": [["id", "en"], ["a", "Hello"]]})
+    source = DialogueSource(tmp_path / "vo", (path,))
+    whole = path.read_bytes()
+    newer = bytearray(whole)
+    newer[newer.index(b"PK\x01\x02") + 6] = 99  # the version that its first part needs
+    path.write_bytes(newer)
+    with pytest.raises(InputError, match=r"zip file version 9\.9.*manifest-damaged"):
+        gather(source)
+    path.write_bytes(whole)
+    assert [line.key for line in gather(source).lines] == ["en/a"]

@@ -182,8 +182,9 @@ def test_an_output_that_somebody_touched_is_put_right(
     assert made(done) == {key: set() for key in LINES}
 
 
+@pytest.mark.parametrize("executor", ["inline", "local"])  # one looks at files while it works
 def test_of_a_file_per_line_those_are_written_that_change_or_are_not_there(
-    tmp_path: Path, capsys: Capture
+    executor: str, tmp_path: Path, capsys: Capture
 ) -> None:
     job = small_job(tmp_path / "job", "en/boat", "en/five", "en/moon", "en/think")
     job.asset("crab.usdc")
@@ -193,7 +194,7 @@ def test_of_a_file_per_line_those_are_written_that_change_or_are_not_there(
     other_text(job)
     (job.output / "en/crab/five.glb").unlink()
     (job.output / "en/crab/moon.usdc").write_bytes(b"")
-    ran = run_inline(capsys, job)
+    ran = run_inline(capsys, job, "--executor", executor)
     ran.says("3 of 4 lines and 4 of 8 files were there already")
     again = {f"en/crab/{name}" for name in ("boat.glb", "boat.usdc", "five.glb", "moon.usdc")}
     assert written(job) == again

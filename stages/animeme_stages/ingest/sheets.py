@@ -133,7 +133,7 @@ def _read_workbook(path: Path) -> tuple[Table, ...]:
                 cells = sheet.to_python(skip_empty_area=False)
                 rows = ((n, tuple(map(_cell_text, row))) for n, row in enumerate(cells, 1))
                 tables.append(Table(name, tuple(row for row in rows if any(row[1]))))
-    # zipfile's NotImplementedError: a part is packed in a way that it cannot read.
+    # zipfile raises NotImplementedError where a part says that it needs a newer version of zip.
     except (CalamineError, ValueError, NotImplementedError, zipfile.BadZipFile) as error:
         damaged(path, f"it is no complete workbook ({str(error)[:80]})")
     return tuple(tables)
