@@ -315,6 +315,61 @@ def test_processes_that_were_released_end_and_others_do_what_comes_after() -> No
     assert second.value != first.value
 
 
+def test_getting_ready_changes_no_result(executor: Executor) -> None:
+    executor.get_ready("support.work:refuse", "bad")
+    executor.get_ready("support.work:no_such_function", None)
+    found = results("double", range(5), executor=executor)
+    assert [(r.outcome, r.value, r.attempt) for r in found] == [("ok", 2 * n, 1) for n in range(5)]
+
+
+def test_a_process_gets_ready_before_its_first_task() -> None:
+    with LocalExecutor(2) as pool:
+        results("double", [1], executor=pool)
+        pool.get_ready("support.work:keep", "here")
+        first = results("kept", range(40), executor=pool)
+        pool.get_ready("support.work:keep", "there")
+        second = results("kept", range(40), executor=pool)
+    assert {tuple(r.value[1]) for r in first} == {("here",)}
+    assert {tuple(r.value[1]) for r in second} == {("here", "there")}
+    assert {r.value[0] for r in second} <= {r.value[0] for r in first}
+
+
+def test_an_executor_that_keeps_no_process_has_none_get_ready() -> None:
+    pool = LocalExecutor(2)
+    pool.get_ready("support.work:keep", "here")
+    assert [r.value[1] for r in results("kept", [1], executor=pool)] == [[]]
+
+
+@pytest.mark.parametrize("how", ["exit", "kill", "quit"])
+def test_a_death_while_getting_ready_is_nobodys_fault(how: str) -> None:
+    with LocalExecutor(2) as pool:
+        pool.get_ready("support.work:die", how)
+        found = results("double", range(4), executor=pool, retries=0)
+        pool.get_ready("support.work:die", how)
+        found += results("double", range(4), executor=pool, retries=0)
+    assert [(r.outcome, r.attempt) for r in found] == [("ok", 1)] * 8
+
+
+def test_a_task_is_to_blame_for_its_own_death_whatever_waits_behind_it() -> None:
+    with LocalExecutor(1) as pool:
+
+        def names() -> Iterator[str]:
+            yield "kill"
+            pool.get_ready("support.work:keep", "here")
+
+        with patience():
+            run = pool.run("support.work:die", names(), timeout_s=PATIENCE_S, retries=0)
+            assert [result.outcome for result in run] == ["crash"]
+        assert [r.outcome for r in results("double", [1, 2], executor=pool)] == ["ok", "ok"]
+
+
+def test_processes_that_never_get_ready_are_replaced() -> None:
+    with LocalExecutor(2) as pool:
+        pool.get_ready("support.work:hang", "never")
+        found = results("double", range(4), executor=pool, timeout_s=2.0, retries=0)
+    assert [(r.outcome, r.attempt) for r in found] == [("ok", 1)] * 4
+
+
 def test_a_script_needs_no_guard_and_is_run_once(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import time
 from dataclasses import fields
 from pathlib import Path
@@ -147,6 +148,65 @@ def test_code_is_known_by_what_it_imports_and_the_data_beside_it(
         assert digest() == first
     (package / "stranger.py").write_text("changed = True\n")
     assert digest() == first
+
+
+def test_code_is_known_by_the_versions_of_what_brings_other_modules(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "studio_code.py").write_text("import listed\nfrom named import part\n")
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def install(version: str, **names: str) -> None:
+        """A distribution with the module of another name, and a file that says so."""
+        for name, (file, text) in {
+            "wheel": ("RECORD", "listed/__init__.py,,\nlisted/named/x.py,,\n"),
+            "egg": ("top_level.txt", "named\n"),
+            "stranger": ("RECORD", "unlisted.py,,\nits/listed.py,,\n"),
+        }.items():
+            for old in tmp_path.glob(f"studio_{name}-*"):
+                shutil.rmtree(old)
+            folder = tmp_path / f"studio_{name}-{names.get(name, version)}.dist-info"
+            folder.mkdir()
+            (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: studio-{name}\n")
+            (folder / file).write_text(text)
+
+    def digest() -> str:
+        with Index(None) as index:
+            return CodeDigests(index, Digests(index)).of((), "studio_code")
+
+    install("1")
+    first = digest()
+    for name in ("wheel", "egg"):
+        install("1", **{name: "2"})
+        assert digest() != first, name
+    install("1", stranger="2")
+    assert digest() == first
+
+
+@pytest.mark.parametrize(
+    ("test", "counts"),
+    [
+        ("TYPE_CHECKING", False),
+        ("typing.TYPE_CHECKING", False),
+        ("not TYPE_CHECKING", True),
+        ("sys.platform == 'linux'", True),
+    ],
+)
+def test_what_only_type_checkers_import_is_no_code(
+    test: str, counts: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = f"studio_{tmp_path.name}"  # where a module lies is looked up once
+    folder = tmp_path / name
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    (folder / "main.py").write_text(f"if {test}:\n    from {name} import helper\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    found = set()
+    for text in ("first = 1", "second = 2"):
+        (folder / "helper.py").write_text(text)
+        with Index(None) as index:
+            found.add(CodeDigests(index, Digests(index)).of((), f"{name}.main"))
+    assert len(found) == (2 if counts else 1)
 
 
 def test_the_code_of_our_own_plugins_is_found() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -15,7 +15,7 @@ from animeme import documents, registry
 from animeme.contracts import Model
 from animeme.dialogue import Line
 from animeme.errors import InputError, JobError, Problem
-from animeme.executors import Executor
+from animeme.executors import Executor, resolve
 from animeme.findings import Finding, Severity
 from animeme.gathering import gather
 from animeme.job import Job, check_job, model_files
@@ -23,7 +23,7 @@ from animeme.outputs import require_distinct_companions
 from animeme.side_cars import with_side_cars
 from animeme.store.keys import key_of
 from animeme.store.memory import Memory
-from animeme.tasks import Target
+from animeme.tasks import MAKE_LINE, WRITE_ASSET, Target
 
 # Assets of hundreds of megabytes open in seconds.
 OPENING_TIMEOUT_S = 300.0
@@ -37,11 +37,13 @@ class Prepared:
         targets: assets that can be driven.
         findings: about those that cannot, or lack something.
         inputs: digest of every file that an asset is made of and of every document, by path.
+        code: digest of what was looked with.
     """
 
     targets: tuple[Target, ...]
     findings: tuple[Finding, ...]
     inputs: dict[str, str]
+    code: str
 
 
 def prepare(job: Job, memory: Memory, executor: Executor | None = None) -> Prepared:
@@ -62,19 +64,26 @@ def prepare(job: Job, memory: Memory, executor: Executor | None = None) -> Prepa
     noted = memory.index.note(key) if key else None
     if noted is not None:
         known = _PREPARED().validate_json(noted)
-        if all(memory.digests.of(path) == digest for path, digest in known.inputs.items()):
+        same = (memory.digests.of(path) == digest for path, digest in known.inputs.items())
+        if known.code == _code(memory) and all(same):
             return known
+    code = ""
+
+    def meanwhile() -> None:
+        nonlocal code
+        if executor is not None:
+            executor.get_ready("animeme.preflight:get_ready", job)
+        load_plugins(job)
+        code = _code(memory)
+
     with documents.reading() as files:
         check_job(job)
-        if executor is None:
-            load_plugins(job)
-        targets, findings = load_targets(job, _deadly(job, executor) if executor else {})
+        targets, findings = load_targets(job, _deadly(job, executor, meanwhile))
     require_distinct_companions(job, targets)
     files += [path for target in targets for path in (target.asset.source, *target.inputs)]
     digests = {str(path): memory.digests.of(path) for path in files}
-    prepared = Prepared(
-        tuple(targets), tuple(findings), {path: digest or "" for path, digest in digests.items()}
-    )
+    inputs = {path: digest or "" for path, digest in digests.items()}
+    prepared = Prepared(tuple(targets), tuple(findings), inputs, code)
     # What is wrong with an asset may be a file that it cannot name.
     broken = any(finding.severity == Severity.ERROR for finding in findings)
     if key and not broken and None not in digests.values():
@@ -88,7 +97,7 @@ def _PREPARED() -> TypeAdapter[Prepared]:  # noqa: N802  made when it is needed
 
 
 def _prepared_key(job: Job, memory: Memory) -> str:
-    """What the answer of `prepare` depends on; "" if a file of it cannot be read."""
+    """What the answer of `prepare` depends on, but for code; "" if a file cannot be read."""
     files = [job.source, *(job.folder / character.rig for character in job.characters)]
     files += [path for path in (job.lexicon, *model_files(job)) if path is not None]
     files += [path for character in job.characters for path in character.assets]
@@ -97,11 +106,15 @@ def _prepared_key(job: Job, memory: Memory) -> str:
     root = job.dialogue.root
     if None in digests or not (root is None or root.is_dir()):
         return ""
+    names = [f"{path}\n{digest}" for path, digest in zip(files, digests, strict=True)]
+    return key_of("prepared", [os.getcwd(), str(job.speak), *names])
+
+
+def _code(memory: Memory) -> str:
+    """Digest of all code that `prepare` may run."""
     groups = [group for group in registry.GROUPS if group != registry.DELIVERY_CHECKS]
     plugins = [p for group in groups for p in registry.plugins(group).values()]
-    code = memory.code.of(plugins, "animeme.preflight")
-    names = [f"{path}\n{digest}" for path, digest in zip(files, digests, strict=True)]
-    return key_of("prepared", [os.getcwd(), code, str(job.speak), *names])
+    return memory.code.of(plugins, "animeme.preflight")
 
 
 def load_plugins(job: Job) -> None:
@@ -167,17 +180,24 @@ def _nothing(job: Job, findings: Iterable[Finding]) -> list[Problem]:
     return [Problem("dialogue.root", message, action)]
 
 
-def _deadly(job: Job, executor: Executor) -> dict[Path, InputError]:
-    """Assets whose reading ends or stops a process, as workers find; meanwhile load all plug-ins.
+def _deadly(
+    job: Job, executor: Executor | None, meanwhile: Callable[[], None]
+) -> dict[Path, InputError]:
+    """Assets whose reading ends or stops a process, as workers find; none where there are none.
 
-    Raises:
-        PluginError: as of `load_plugins`.
+    Args:
+        job: whose assets.
+        executor: has the workers.
+        meanwhile: what this process does beside them.
     """
+    if executor is None:
+        meanwhile()
+        return {}
     files = {path: c.asset_root for c in job.characters for path in c.assets}
 
     def items() -> Iterator[tuple[Path, Path | None]]:
         yield from files.items()
-        load_plugins(job)
+        meanwhile()
 
     results = executor.run(
         "animeme.preflight:try_asset", items(), timeout_s=OPENING_TIMEOUT_S, retries=0
@@ -200,6 +220,13 @@ def try_asset(item: tuple[Path, Path | None]) -> None:
     path, within = item
     with suppress(InputError):
         registry.format_of(path).load(path, within=within)
+
+
+def get_ready(job: Job) -> None:
+    """Load what the work on a job's lines and assets needs."""
+    load_plugins(job)
+    for function in (MAKE_LINE, WRITE_ASSET):
+        resolve(function)
 
 
 def load_targets(job: Job, deadly: Mapping[Path, InputError]) -> tuple[list[Target], list[Finding]]:

@@ -27,6 +27,11 @@ from animeme.store.keys import key_of
 if TYPE_CHECKING:
     from animeme.contracts import Format
 
+# The work, by name: a process imports it only if it does it itself.
+MAKE_LINE = "animeme.animating:make_line"
+WRITE_ASSET = "animeme.writing:write_asset"
+JOIN_LANGUAGES = "animeme.writing:join_languages"
+
 
 @dataclass(frozen=True)
 class Target:

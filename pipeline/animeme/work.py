@@ -18,12 +18,17 @@ from animeme.recall import Recall
 from animeme.recall_assets import AssetRecall
 from animeme.scope import Entry, Scope, added, outdated
 from animeme.shards import Shard
-from animeme.tasks import AssemblyItem, AssetItem, AssetOutcome, LineItem, save_context
+from animeme.tasks import (
+    JOIN_LANGUAGES,
+    MAKE_LINE,
+    WRITE_ASSET,
+    AssemblyItem,
+    AssetItem,
+    AssetOutcome,
+    LineItem,
+    save_context,
+)
 
-# The work, by name: this process imports it only if it does it itself.
-MAKE_LINE = "animeme.animating:make_line"
-WRITE_ASSET = "animeme.writing:write_asset"
-JOIN_LANGUAGES = "animeme.writing:join_languages"
 # A line of minutes takes seconds; a task beyond these is hung.
 LINE_TIMEOUT_S = 600.0
 ASSET_TIMEOUT_S = 1800.0

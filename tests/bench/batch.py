@@ -150,6 +150,9 @@ class Simulated:
             value = {"make_line": self._line, "write_asset": self._asset}.get(name, id)(item)
             yield Result(index, "ok", value, "", 1, 0.0, 0.0)
 
+    def get_ready(self, function: str, item: Any) -> None:
+        """Do nothing."""
+
     def release(self) -> None:
         """Do nothing."""
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import io
 import signal
 import sys
@@ -100,7 +102,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _prepare_process() -> None:
-    """Speak UTF-8 whatever the locale, and tidy up when a scheduler asks us to stop."""
+    """Speak UTF-8 whatever the locale, tidy up when we are told to stop, and end at once."""
+    atexit.register(gc.freeze)  # else the last look for garbage takes a tenth of a second
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(encoding="utf-8", errors="backslashreplace")

@@ -66,6 +66,12 @@ class Executor(Protocol):
         """
         ...
 
+    def get_ready(self, function: str, item: Any) -> None:
+        """Have processes that it keeps call a function before their next task: what that loads, the
+        task finds loaded. What comes of the call is nobody's business.
+        """
+        ...
+
     def release(self) -> None:
         """Let its processes end while the caller goes on: no more work is in sight."""
         ...

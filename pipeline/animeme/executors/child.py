@@ -6,6 +6,7 @@ that caused it. It ends with its parent: its pipe closes.
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import pickle
@@ -35,6 +36,8 @@ _ENVIRONMENT = threading.Lock()
 # A child that has been at the tasks it was given for so long gives back what it has not begun.
 _LONG_S = 0.25
 _GIVEN_BACK = b""
+# The index of what a child does to get ready: nobody asks what comes of it.
+_GETTING_READY = -1
 # What a child's result begins with: its CPU seconds so far.
 _CPU = struct.Struct("d")
 
@@ -54,10 +57,11 @@ class Child:
     Attributes:
         process: the process.
         handles: what can be read when it has answered, or has ended.
-        tasks: what it was given and has not answered; it is at the first.
+        tasks: what it was given and has not answered, getting ready included; it is at the first.
         started: when it began that, on the monotonic clock.
         cpu_s: CPU seconds it had used when it last answered.
         warm: it has loaded what its tasks need: they take their own time.
+        ended: it has died, or was killed.
     """
 
     def __init__(self, context: Any) -> None:
@@ -70,6 +74,12 @@ class Child:
         self.started = 0.0
         self.cpu_s = 0.0
         self.warm = False
+        self.ended = False
+
+    @property
+    def busy(self) -> bool:
+        """Whether somebody waits for what it does."""
+        return any(task.index != _GETTING_READY for task in self.tasks)
 
     def give(self, function: str, tasks: Sequence[Task]) -> bool:
         """Have it do these, when it has done what it was given before.
@@ -83,13 +93,23 @@ class Child:
         except OSError:
             self.kill()
             return False
-        self.tasks, self.started = deque(tasks), time.monotonic()
+        if not self.tasks:
+            self.started = time.monotonic()
+        self.tasks.extend(tasks)
         return True
+
+    def get_ready(self, function: str, item: Any) -> bool:
+        """Have it call a function when it has done what it was given before; as `give`.
+
+        What comes of it is no result of `collect`; if it dies of it, `ended` tells.
+        """
+        return self.give(function, [Task(_GETTING_READY, item)])
 
     def collect(self, timeout_s: float, waiting: deque[Task]) -> Iterator[tuple[Task, Result]]:
         """The tasks that have ended of a child that is ready, and their results.
 
-        It is dead afterwards if one ended with it. What it will not begin goes back to `waiting`.
+        It is dead afterwards if one ended with it, or if it died or hung while it got ready. What
+        it will not begin goes back to `waiting`.
         """
         answers = True
         while answers:
@@ -106,10 +126,11 @@ class Child:
                 self.started = time.monotonic()
                 result = _unpacked(data[_CPU.size :], task)
             answers = bool(self.tasks) and bool(readable(self.handles[:1], 0.0))
-            yield task, result
+            if task.index != _GETTING_READY:
+                yield task, result
 
     def _give_back(self, waiting: deque[Task]) -> None:
-        waiting.extendleft(reversed(self.tasks))
+        waiting.extendleft(task for task in reversed(self.tasks) if task.index != _GETTING_READY)
         self.tasks.clear()
 
     def _answer(self) -> bytes | None:
@@ -147,6 +168,7 @@ class Child:
 
     def kill(self) -> None:
         """End it, whatever it is doing."""
+        self.ended = True
         self.process.kill()
         self.process.join()
         self._pipe.close()
@@ -242,6 +264,7 @@ def _serve(pipe: Connection) -> None:
     # Standard output is the driver's, for --json; what plug-ins print is for people.
     os.dup2(2, 1)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    known: set[str] = set()
     try:
         while True:
             function, rows = pipe.recv()
@@ -252,8 +275,14 @@ def _serve(pipe: Connection) -> None:
                     break
                 data = _packed(_done(function, index, item, attempt))
                 pipe.send_bytes(_CPU.pack(time.process_time()) + data)
+                if function not in known:
+                    # What a first call loads is there to stay: looking for garbage in it again and
+                    # again, and at the end, takes a twentieth of a run of short tasks.
+                    known.add(function)
+                    gc.collect()
+                    gc.freeze()
     except (EOFError, BrokenPipeError):
-        return
+        gc.freeze()
 
 
 def _done(function: str, index: int, data: bytes, attempt: int) -> Result:

@@ -113,6 +113,9 @@ class DaskExecutor:
             if not self._keeps:
                 self._close()
 
+    def get_ready(self, function: str, item: Any) -> None:
+        """Do nothing: its processes get ready over the first of many tasks."""
+
     def release(self) -> None:
         """Do nothing: its processes end with the connection."""
 

@@ -30,5 +30,8 @@ class InlineExecutor:
                     result = Result(index, "crash", None, error, 1, 0.0, 0.0)
             yield result
 
+    def get_ready(self, function: str, item: Any) -> None:
+        """Do nothing: what tasks need is loaded when they need it."""
+
     def release(self) -> None:
         """Do nothing: there is no process but the caller's."""

@@ -32,6 +32,8 @@ _START_S = 0.4
 # before its first.
 _PATIENCE_S = 1.6
 _MANY = 20
+# How many children get ready before anyone knows how much there is to do.
+_READY = 2
 
 
 def default_workers() -> int:
@@ -143,6 +145,18 @@ class LocalExecutor:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def get_ready(self, function: str, item: Any) -> None:
+        """Have the processes that it keeps call a function; see `animeme.executors.Executor`.
+
+        If there are none yet, two are started for it.
+        """
+        if not self._keeps:
+            return
+        missing = min(_READY, self.workers, default_workers()) - len(self._children)
+        if missing > 0:
+            self._children += start(missing)
+        self._children[:] = [c for c in self._children if c.get_ready(function, item)]
+
     def release(self) -> None:
         """Let the processes that it keeps end; `close` waits for that."""
         for child in self._children:
@@ -191,7 +205,7 @@ class LocalExecutor:
         for child in children:
             child.warm = False
         while not self._stopped.is_set():
-            busy = sum(bool(child.tasks) for child in children)
+            busy = sum(child.busy for child in children)
             if tasks.open and not waiting and busy < self.workers:
                 tasks.draw(1)  # the first child starts while the next is looked for
             if not waiting and not busy:
@@ -225,6 +239,8 @@ class LocalExecutor:
                             waiting.append(replace(task, attempt=task.attempt + 1))
                             continue
                     yield result
+                if child.ended and child in children:  # it was getting ready
+                    children.remove(child)
 
     def _hand_out(self, function: str, waiting: deque[Task], pace: _Pace) -> bool:
         """Give idle children their next tasks; False if one of them was dead."""
