@@ -8,6 +8,7 @@ one curve), as a studio's plug-ins: these figures say nothing about alignment or
     python tests/bench/batch.py --lines 10000 --workers 2
     python tests/bench/batch.py simulated --lines 10000     # or a million: no stage does anything
     python tests/bench/batch.py pipeline                    # 700 lines and a real head
+    python tests/bench/batch.py pairs --pairs 7             # the same, with one worker and with two
 
 ``simulated`` puts small files where lines' alignments and assets would be, in this process and
 without workers: what is left is planning, keys, the index, the ledger and the reports. Its
@@ -21,6 +22,7 @@ import json
 import os
 import resource
 import shutil
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -221,18 +223,7 @@ def pipeline(workers: Sequence[int]) -> None:
     print(f"two-pass loop: {loop_s:.1f} CPU-s", flush=True)
     for layout in ("per-line", "animation-only"):
         for count in workers:
-            with tempfile.TemporaryDirectory() as name:
-                folder = Path(name)
-                job = folder / "job" / "job.toml"
-                (folder / "job" / "dialogue" / "en").mkdir(parents=True)
-                for path in [*GRID.glob("*.flac"), *GRID.glob("*.txt")]:
-                    shutil.copy(path, folder / "job" / "dialogue" / "en")
-                job.write_text(
-                    '[job]\nname = "bench"\n[dialogue]\nroot = "dialogue"\n[characters.head]\n'
-                    f'asset = "{HEAD}"\nlayout = "{layout}"\n'
-                )
-                env = {**os.environ, "ANIMEME_CACHE": str(folder / "cache")}
-                done = run(job, "--workers", str(count), env=env)
+            done = of_grid(layout, count)
             print(
                 f"{layout}, {count} workers: {done['cpu_s']:.1f} CPU-s, {done['wall_s']:.1f} s "
                 f"wall, {done['cpu_s'] / loop_s:.2f} of the loop; steps {done['step_s']}",
@@ -240,20 +231,56 @@ def pipeline(workers: Sequence[int]) -> None:
             )
 
 
+def pairs(count: int) -> None:
+    """How many times as fast two workers are: pairs of runs, each the other way round."""
+    found = []
+    for number in range(count):
+        order = (1, 2) if number % 2 == 0 else (2, 1)
+        done = {workers: of_grid("animation-only", workers) for workers in order}
+        one, two = done[1], done[2]
+        found.append(one["wall_s"] / two["wall_s"])
+        print(
+            f"one worker {one['wall_s']:.2f} s, two {two['wall_s']:.2f} s: {found[-1]:.2f} times "
+            f"as fast; the same alignments took {one['step_s']['align']:.1f} and "
+            f"{two['step_s']['align']:.1f} s of CPU",
+            flush=True,
+        )
+    print(f"median {statistics.median(found):.2f}")
+
+
+def of_grid(layout: str, workers: int) -> dict[str, Any]:
+    """The first run of 700 lines with the ICT head."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        job = folder / "job" / "job.toml"
+        (folder / "job" / "dialogue" / "en").mkdir(parents=True)
+        for path in [*GRID.glob("*.flac"), *GRID.glob("*.txt")]:
+            shutil.copy(path, folder / "job" / "dialogue" / "en")
+        job.write_text(
+            '[job]\nname = "bench"\n[dialogue]\nroot = "dialogue"\n[characters.head]\n'
+            f'asset = "{HEAD}"\nlayout = "{layout}"\n'
+        )
+        env = {**os.environ, "ANIMEME_CACHE": str(folder / "cache")}
+        return run(job, "--workers", str(workers), env=env)
+
+
 def main() -> None:
     """Print the figures that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "part", nargs="?", choices=["lines", "simulated", "pipeline"], default="lines"
+        "part", nargs="?", choices=["lines", "simulated", "pipeline", "pairs"], default="lines"
     )
     parser.add_argument("--lines", type=int, default=10_000)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--layout", choices=["per-character", "per-line"], default="per-line")
+    parser.add_argument("--pairs", type=int, default=7)
     chosen = parser.parse_args()
     if chosen.part == "simulated":
         simulated(chosen.lines, chosen.layout)
     elif chosen.part == "pipeline":
         pipeline((1, 2))
+    elif chosen.part == "pairs":
+        pairs(chosen.pairs)
     else:
         lines(chosen)
 
