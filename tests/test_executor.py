@@ -350,17 +350,74 @@ def test_a_death_while_getting_ready_is_nobodys_fault(how: str) -> None:
     assert [(r.outcome, r.attempt) for r in found] == [("ok", 1)] * 8
 
 
-def test_a_task_is_to_blame_for_its_own_death_whatever_waits_behind_it() -> None:
+def test_a_task_is_to_blame_for_its_own_death_when_it_should_get_ready_next() -> None:
     with LocalExecutor(1) as pool:
 
         def names() -> Iterator[str]:
             yield "kill"
             pool.get_ready("support.work:keep", "here")
+            (child,) = pool._children
+            child.process.join(PATIENCE_S)  # it is dead, and nobody has looked
+            pool.get_ready("support.work:keep", "here")
+            yield "good"
 
         with patience():
             run = pool.run("support.work:die", names(), timeout_s=PATIENCE_S, retries=0)
-            assert [result.outcome for result in run] == ["crash"]
-        assert [r.outcome for r in results("double", [1, 2], executor=pool)] == ["ok", "ok"]
+            found = sorted((result.index, result.outcome) for result in run)
+    assert found == [(0, "crash"), (1, "ok")]
+
+
+def test_processes_get_ready_between_results_without_mixing_them_up() -> None:
+    items = [0.0] * 60 + [0.4] + [0.0] * 60
+    found = []
+    with LocalExecutor(1) as pool, patience():
+        for result in pool.run("support.work:rest", items, timeout_s=PATIENCE_S, retries=0):
+            pool.get_ready("support.work:keep", result.index)
+            found.append((result.index, result.outcome))
+    assert sorted(found) == [(index, "ok") for index in range(len(items))]
+
+
+def test_processes_get_ready_while_others_die() -> None:
+    with LocalExecutor(2) as pool, patience():
+        found = []
+        for result in pool.run(
+            "support.work:die", ["good", "kill"] * 4, timeout_s=PATIENCE_S, retries=0
+        ):
+            pool.get_ready("support.work:keep", result.index)
+            found.append((result.index, result.outcome))
+    assert sorted(found) == [(n, ("ok", "crash")[n % 2]) for n in range(8)]
+
+
+def test_getting_ready_for_something_large_blocks_nobody() -> None:
+    with LocalExecutor(1) as pool:
+
+        def names() -> Iterator[str]:
+            yield "bad"
+            pool.get_ready("support.work:keep", "x" * 1_000_000)
+
+        with patience():
+            run = pool.run("support.work:hang", names(), timeout_s=2.0, retries=0)
+            assert [result.outcome for result in run] == ["timeout"]
+
+
+@pytest.mark.parametrize("function", ["keep", "hang"])
+def test_nobody_waits_or_complains_when_what_got_ready_is_not_needed(function: str) -> None:
+    script = (
+        "import time\n"
+        "from animeme.executors.local import LocalExecutor\n"
+        "with LocalExecutor(2) as pool:\n"
+        f"    pool.get_ready('support.work:{function}', 'x')\n"
+        "    time.sleep(1.5)\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)},
+    )
+    assert (ended.returncode, ended.stderr) == (0, "")
 
 
 def test_processes_that_never_get_ready_are_replaced() -> None:

@@ -153,7 +153,7 @@ def test_code_is_known_by_what_it_imports_and_the_data_beside_it(
 def test_code_is_known_by_the_versions_of_what_brings_other_modules(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "studio_code.py").write_text("import listed\nfrom named import part\n")
+    (tmp_path / "studio_versions.py").write_text("import listed\nfrom named import part\n")
     monkeypatch.syspath_prepend(tmp_path)
 
     def install(version: str, **names: str) -> None:
@@ -172,7 +172,7 @@ def test_code_is_known_by_the_versions_of_what_brings_other_modules(
 
     def digest() -> str:
         with Index(None) as index:
-            return CodeDigests(index, Digests(index)).of((), "studio_code")
+            return CodeDigests(index, Digests(index)).of((), "studio_versions")
 
     install("1")
     first = digest()

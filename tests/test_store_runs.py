@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import sqlite3
 import struct
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -38,6 +41,18 @@ def test_a_run_with_nothing_changed_does_nothing_and_says_the_same(
     assert written(done) == set()
     assert results(done) == first
     ran.says("2 of 2 lines and 1 of 1 files were there already")
+
+
+def test_what_another_version_noted_of_a_job_is_found_out_anew(
+    done: SmallJob, capsys: Capture
+) -> None:
+    for path in (Path(os.environ["ANIMEME_CACHE"]) / "index").glob("*.sqlite"):
+        with closing(sqlite3.connect(path)) as index, index:
+            change = "UPDATE notes SET value = replace(value, '\"suffix\"', '\"ending\"')"
+            assert index.execute(f"{change} WHERE value LIKE '%\"suffix\"%'").rowcount == 1
+    for _ in range(2):
+        assert run_inline(capsys, done).code == 0
+        assert made(done) == {key: set() for key in LINES}
 
 
 def louder(job: SmallJob) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from animeme import documents, registry
 from animeme.contracts import Model
@@ -62,8 +62,8 @@ def prepare(job: Job, memory: Memory, executor: Executor | None = None) -> Prepa
     """
     key = _prepared_key(job, memory)
     noted = memory.index.note(key) if key else None
-    if noted is not None:
-        known = _PREPARED().validate_json(noted)
+    known = _known(noted) if noted is not None else None
+    if known is not None:
         same = (memory.digests.of(path) == digest for path, digest in known.inputs.items())
         if known.code == _code(memory) and all(same):
             return known
@@ -71,10 +71,11 @@ def prepare(job: Job, memory: Memory, executor: Executor | None = None) -> Prepa
 
     def meanwhile() -> None:
         nonlocal code
+        # First, for all keys: what somebody changes from now on is not taken for what is loaded.
+        code = _code(memory)
         if executor is not None:
             executor.get_ready("animeme.preflight:get_ready", job)
         load_plugins(job)
-        code = _code(memory)
 
     with documents.reading() as files:
         check_job(job)
@@ -94,6 +95,14 @@ def prepare(job: Job, memory: Memory, executor: Executor | None = None) -> Prepa
 @cache
 def _PREPARED() -> TypeAdapter[Prepared]:  # noqa: N802  made when it is needed
     return TypeAdapter(Prepared)
+
+
+def _known(noted: str) -> Prepared | None:
+    """What a note says; None if another version wrote it."""
+    try:
+        return _PREPARED().validate_json(noted)
+    except ValidationError:
+        return None
 
 
 def _prepared_key(job: Job, memory: Memory) -> str:
@@ -183,7 +192,7 @@ def _nothing(job: Job, findings: Iterable[Finding]) -> list[Problem]:
 def _deadly(
     job: Job, executor: Executor | None, meanwhile: Callable[[], None]
 ) -> dict[Path, InputError]:
-    """Assets whose reading ends or stops a process, as workers find; none where there are none.
+    """Assets whose reading ends or stops a process, as workers find; none if there are no workers.
 
     Args:
         job: whose assets.
@@ -223,7 +232,7 @@ def try_asset(item: tuple[Path, Path | None]) -> None:
 
 
 def get_ready(job: Job) -> None:
-    """Load what the work on a job's lines and assets needs."""
+    """Load all that the work on a job's lines and assets may need."""
     load_plugins(job)
     for function in (MAKE_LINE, WRITE_ASSET):
         resolve(function)

@@ -67,8 +67,13 @@ class Executor(Protocol):
         ...
 
     def get_ready(self, function: str, item: Any) -> None:
-        """Have processes that it keeps call a function before their next task: what that loads, the
-        task finds loaded. What comes of the call is nobody's business.
+        """Have processes that it keeps call a function while they have nothing else to do.
+
+        What that loads, tasks find loaded. What comes of the call is nobody's business.
+
+        Args:
+            function: as of `run`.
+            item: its picklable argument.
         """
         ...
 

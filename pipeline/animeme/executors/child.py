@@ -57,11 +57,12 @@ class Child:
     Attributes:
         process: the process.
         handles: what can be read when it has answered, or has ended.
-        tasks: what it was given and has not answered, getting ready included; it is at the first.
+        tasks: what it was given and has not answered; it is at the first. One by itself while it
+            gets ready.
         started: when it began that, on the monotonic clock.
         cpu_s: CPU seconds it had used when it last answered.
         warm: it has loaded what its tasks need: they take their own time.
-        ended: it has died, or was killed.
+        ended: it was killed, or found dead.
     """
 
     def __init__(self, context: Any) -> None:
@@ -75,6 +76,7 @@ class Child:
         self.cpu_s = 0.0
         self.warm = False
         self.ended = False
+        self._next: tuple[str, Any] | None = None
 
     @property
     def busy(self) -> bool:
@@ -82,7 +84,7 @@ class Child:
         return any(task.index != _GETTING_READY for task in self.tasks)
 
     def give(self, function: str, tasks: Sequence[Task]) -> bool:
-        """Have it do these, when it has done what it was given before.
+        """Have it do these; it has nothing to do.
 
         False if it has died while it was idle, nobody's fault, or was let go.
         """
@@ -93,17 +95,18 @@ class Child:
         except OSError:
             self.kill()
             return False
-        if not self.tasks:
-            self.started = time.monotonic()
-        self.tasks.extend(tasks)
+        self.tasks, self.started = deque(tasks), time.monotonic()
         return True
 
-    def get_ready(self, function: str, item: Any) -> bool:
-        """Have it call a function when it has done what it was given before; as `give`.
+    def get_ready(self, function: str, item: Any) -> None:
+        """Have it call a function, when it has nothing else to do.
 
-        What comes of it is no result of `collect`; if it dies of it, `ended` tells.
+        What comes of it is no result of `collect`; if it dies of it, `collect` sets `ended`.
         """
-        return self.give(function, [Task(_GETTING_READY, item)])
+        if self.tasks:  # its pipe holds little: what it is sent while it works could block
+            self._next = function, item
+        else:
+            self.give(function, [Task(_GETTING_READY, item)])
 
     def collect(self, timeout_s: float, waiting: deque[Task]) -> Iterator[tuple[Task, Result]]:
         """The tasks that have ended of a child that is ready, and their results.
@@ -116,7 +119,7 @@ class Child:
             data = self._answer()
             if data == _GIVEN_BACK:
                 self._give_back(waiting)
-                return
+                break
             task = self.tasks.popleft()
             if data is None:
                 result = self._end_of(task, timeout_s)
@@ -128,9 +131,13 @@ class Child:
             answers = bool(self.tasks) and bool(readable(self.handles[:1], 0.0))
             if task.index != _GETTING_READY:
                 yield task, result
+        if self._next is not None and not self.tasks and not self.ended:
+            function, item = self._next
+            self._next = None
+            self.get_ready(function, item)
 
     def _give_back(self, waiting: deque[Task]) -> None:
-        waiting.extendleft(task for task in reversed(self.tasks) if task.index != _GETTING_READY)
+        waiting.extendleft(reversed(self.tasks))
         self.tasks.clear()
 
     def _answer(self) -> bytes | None:
@@ -159,7 +166,9 @@ class Child:
         self._pipe.close()
 
     def end(self) -> None:
-        """As `release`, and wait for it."""
+        """As `release`, and wait for it; nobody waits until it is ready for nothing."""
+        if self.tasks:
+            self.process.kill()
         self._pipe.close()
         self.process.join(timeout=5)
         if self.process.is_alive():
@@ -281,7 +290,7 @@ def _serve(pipe: Connection) -> None:
                     known.add(function)
                     gc.collect()
                     gc.freeze()
-    except (EOFError, BrokenPipeError):
+    except (EOFError, ConnectionError):
         gc.freeze()
 
 

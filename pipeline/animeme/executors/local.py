@@ -148,14 +148,15 @@ class LocalExecutor:
     def get_ready(self, function: str, item: Any) -> None:
         """Have the processes that it keeps call a function; see `animeme.executors.Executor`.
 
-        If there are none yet, two are started for it.
+        If there are fewer than two, others are started for it.
         """
-        if not self._keeps:
+        if not self._keeps or self.stopped:
             return
         missing = min(_READY, self.workers, default_workers()) - len(self._children)
         if missing > 0:
             self._children += start(missing)
-        self._children[:] = [c for c in self._children if c.get_ready(function, item)]
+        for child in self._children:
+            child.get_ready(function, item)
 
     def release(self) -> None:
         """Let the processes that it keeps end; `close` waits for that."""

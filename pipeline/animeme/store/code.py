@@ -28,10 +28,12 @@ _CARRIERS = ("animeme.store", "animeme.executors", "animeme.cli", "animeme.regis
 # Where statements have statements within them.
 _BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
 _SKIPPED = ("__pycache__", "node_modules")
+# What is remembered of a file's imports changes with this number.
+_RULES = 2
 
 
 class CodeDigests:
-    """Digests of plug-ins' code.
+    """Digests of plug-ins' code, as it was when each file was first looked at.
 
     Args:
         index: remembers what files import.
@@ -41,6 +43,7 @@ class CodeDigests:
     def __init__(self, index: Index, digests: Digests) -> None:
         self._index = index
         self._digests = digests
+        self._files: dict[str, str] = {}
         self._imports: dict[str, tuple[str, ...]] = {}
         self._data: dict[str, str] = {}
 
@@ -75,7 +78,7 @@ class CodeDigests:
                 if "." in name:
                     waiting.append(name.rpartition(".")[0])
                 continue
-            files[name] = self._digests.of(path) or ""
+            files[name] = self._digest_of(path)
             waiting += self._imported(name, path, files[name])
             folder = os.path.dirname(path)
             if folder not in files and "." in name:
@@ -83,9 +86,15 @@ class CodeDigests:
                 files[f"data of {name.rpartition('.')[0]}"] = self._data_of(folder)
         return {name: digest for name, digest in files.items() if digest}, others
 
+    def _digest_of(self, path: str) -> str:
+        """Of a source file, "" if it cannot be read."""
+        if path not in self._files:
+            self._files[path] = self._digests.of(path) or ""
+        return self._files[path]
+
     def _imported(self, name: str, path: str, digest: str) -> tuple[str, ...]:
         """Names that the module imports, relative ones made absolute; parents included."""
-        key = f"imports:{name}:{digest}"
+        key = f"imports:{_RULES}:{name}:{digest}"
         if key not in self._imports:
             noted = self._index.note(key)
             self._imports[key] = tuple(json.loads(noted)) if noted else _imports(name, path, digest)
@@ -143,9 +152,9 @@ def _bringing(module: str, state: str) -> list[str]:
     listed = re.compile(rf"^{re.escape(module)}[/.]", re.MULTILINE)
     found = set()
     for distribution in distributions():
-        names = distribution.read_text("top_level.txt")
+        names = (distribution.read_text("top_level.txt") or "").split()
         files = "" if names else distribution.read_text("RECORD") or ""
-        if module in names.split() if names else listed.search(files):
+        if module in names or listed.search(files):
             found.add(distribution.metadata["Name"])
     return sorted(found)
 
