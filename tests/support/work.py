@@ -75,6 +75,11 @@ def touch(item: str) -> None:
     Path(item).touch()
 
 
+def touch_late(item: str) -> None:
+    time.sleep(2)
+    touch(item)
+
+
 class Unsendable:
     """Travels to another process only to fail there."""
 

@@ -62,7 +62,6 @@ class Child:
         started: when it began that, on the monotonic clock.
         cpu_s: CPU seconds it had used when it last answered.
         warm: it has loaded what its tasks need: they take their own time.
-        ended: it was killed, or found dead.
     """
 
     def __init__(self, context: Any) -> None:
@@ -75,7 +74,6 @@ class Child:
         self.started = 0.0
         self.cpu_s = 0.0
         self.warm = False
-        self.ended = False
         self._next: tuple[str, Any] | None = None
 
     @property
@@ -101,7 +99,7 @@ class Child:
     def get_ready(self, function: str, item: Any) -> None:
         """Have it call a function, when it has nothing else to do.
 
-        What comes of it is no result of `collect`; if it dies of it, `collect` sets `ended`.
+        What comes of it is no result of `collect`; if it dies of it, `give` tells.
         """
         if self.tasks:  # its pipe holds little: what it is sent while it works could block
             self._next = function, item
@@ -131,7 +129,7 @@ class Child:
             answers = bool(self.tasks) and bool(readable(self.handles[:1], 0.0))
             if task.index != _GETTING_READY:
                 yield task, result
-        if self._next is not None and not self.tasks and not self.ended:
+        if self._next is not None and not self.tasks:
             function, item = self._next
             self._next = None
             self.get_ready(function, item)
@@ -177,7 +175,6 @@ class Child:
 
     def kill(self) -> None:
         """End it, whatever it is doing."""
-        self.ended = True
         self.process.kill()
         self.process.join()
         self._pipe.close()

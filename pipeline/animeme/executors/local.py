@@ -240,8 +240,6 @@ class LocalExecutor:
                             waiting.append(replace(task, attempt=task.attempt + 1))
                             continue
                     yield result
-                if child.ended and child in children:  # it was getting ready
-                    children.remove(child)
 
     def _hand_out(self, function: str, waiting: deque[Task], pace: _Pace) -> bool:
         """Give idle children their next tasks; False if one of them was dead."""
