@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import scipy  # its parts load when they are first used
 from numpy.typing import NDArray
 
 from animeme.findings import Finding, Severity
@@ -133,7 +132,7 @@ def is_narrow(mono: NDArray[np.float32], rate_hz: int) -> bool:
     for start in range(0, len(mono), size * size):  # a mebisample at a time
         part = mono[start : start + size * size]
         frames = np.pad(part, (0, -len(part) % size)).reshape(-1, size) * window
-        power = (np.abs(scipy.fft.rfft(frames, axis=1)) ** 2).sum(axis=0)
+        power = (np.abs(np.fft.rfft(frames, axis=1)) ** 2).sum(axis=0)
         above += float(power[first:last].sum())
         below += float(power[:first].sum())
     return above < below * 10 ** (NARROW_DB / 10)

@@ -16,7 +16,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # its parts load when they are first used
 from numpy.typing import NDArray
 
 RATE_HZ = 16_000
@@ -134,26 +133,42 @@ def _blocks(mono: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
 
 _WINDOW = np.hanning(_FRAME).astype(np.float32)
 _WINDOW_CORRELATION = np.correlate(_WINDOW, _WINDOW, "full")[_FRAME - 1 :]
-# Power gain of a first difference with 0.97, per bin: the usual raising of the treble.
-_TREBLE = (np.abs(1 - 0.97 * np.exp(-1j * np.pi * np.arange(_FRAME + 1) / _FRAME)) ** 2).astype(
-    np.float32
-)
+# The usual raising of the treble, a first difference, and its power gain per bin.
+_RAISING = np.float32(0.97)
+_TREBLE = np.abs(1 - _RAISING * np.exp(-2j * np.pi * np.arange(_FRAME // 2 + 1) / _FRAME)) ** 2
 
 
 def _measured(frames: NDArray[np.float32]) -> NDArray[np.floating]:
     """Level, level with raised treble, likeness to 60 ms before, flatness: shape (4, F)."""
-    power = np.abs(scipy.fft.rfft(frames * _WINDOW, 2 * _FRAME, axis=1)) ** 2
-    raised = power * _TREBLE
-    amplitude = np.sqrt(raised[:, 6:320:2])  # 94 Hz to 5 kHz
+    windowed = frames * _WINDOW
+    power = _power(windowed)
+    raised = power * _TREBLE.astype(np.float32)
+    amplitude = np.sqrt(raised[:, 3:160])  # 94 Hz to 5 kHz
     amplitude /= np.linalg.norm(amplitude, axis=1, keepdims=True) + 1e-9
     alike = (amplitude[_LAG:] * amplitude[:-_LAG]).sum(axis=1)
-    power, raised = power[_LAG:], raised[_LAG:]
-    scale = 1 / (_FRAME * _FRAME)
-    level = 10 * np.log10(power.sum(axis=1) * scale + 1e-12)
-    treble = 10 * np.log10(raised.sum(axis=1) * scale + 1e-12)
-    bands = power[:, 6:-2:2] + 1e-12
+    windowed, power, raised = windowed[_LAG:], power[_LAG:], raised[_LAG:]
+    level = _level_db(windowed, power)
+    treble = _level_db(windowed[:, 1:] - _RAISING * windowed[:, :-1], raised)
+    bands = power[:, 3:-1] + 1e-12
     flatness = np.exp(np.log(bands).mean(axis=1)) / bands.mean(axis=1)
     return np.stack((level, treble, alike, flatness))
+
+
+def _power(frames: NDArray[np.float32]) -> NDArray[np.floating]:
+    """Power of each bin from 0 Hz up."""
+    # SciPy takes longer to load than it would save in two thousand lines.
+    spectrum = np.fft.rfft(frames, axis=1)
+    return spectrum.real**2 + spectrum.imag**2
+
+
+def _level_db(frames: NDArray[np.float32], power: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Level of windowed frames; their lowest and highest bins, which are not mirrored, count twice.
+
+    The samples' own sum (Parseval) is what twice as fine a spectrum would give.
+    """
+    ends = (power[:, 0] + power[:, -1]) / (2 * _FRAME)
+    level: NDArray[np.floating] = 10 * np.log10(((frames**2).sum(axis=1) + ends) / _FRAME + 1e-12)
+    return level
 
 
 def _voiced(mono: NDArray[np.float32], sound: NDArray[np.bool_]) -> float:
@@ -161,10 +176,8 @@ def _voiced(mono: NDArray[np.float32], sound: NDArray[np.bool_]) -> float:
     own = _WINDOW_CORRELATION[_PERIODS] / _WINDOW_CORRELATION[0]
     periodic = []
     for frames in _blocks(mono):
-        power: NDArray[np.float32] = (
-            np.abs(scipy.fft.rfft(frames[_LAG:] * _WINDOW, 2 * _FRAME, axis=1)) ** 2
-        )
-        correlation = scipy.fft.irfft(power, axis=1)
+        padded = np.pad(frames[_LAG:] * _WINDOW, ((0, 0), (0, _FRAME)))  # not to go round
+        correlation = np.fft.irfft(_power(padded), axis=1)
         peaks = correlation[:, _PERIODS] / (correlation[:, :1] * own + 1e-12)
         periodic.append(peaks.max(axis=1))
     return float((np.concatenate(periodic)[sound] > 0.6).mean())
