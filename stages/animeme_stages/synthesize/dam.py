@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from importlib import resources
 from typing import Any, ClassVar, Literal
 
@@ -90,8 +91,7 @@ class Dam(FittedModel):
     @classmethod
     def default(cls) -> Dam:
         """The model as shipped: ARKit controls, one English speaker (see its `credits_`)."""
-        path = resources.files("animeme_stages.synthesize") / "dam_grid.json"
-        return cls.from_document(json.loads(path.read_text(encoding="utf-8")))
+        return _shipped()
 
     def _empty(self, units: int) -> Animemes:
         return Animemes.empty(Dominance2012(), self.options, units, len(self.controls_))
@@ -198,3 +198,9 @@ class Dam(FittedModel):
                 self.trends_ = Trends.from_json(
                     learned["trends"], units, (options.degree + 1, controls)
                 )
+
+
+@lru_cache(maxsize=1)
+def _shipped() -> Dam:
+    text = resources.files("animeme_stages.synthesize").joinpath("dam_grid.json").read_text("utf-8")
+    return Dam.from_document(json.loads(text))
