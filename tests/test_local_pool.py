@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from animeme.executors import LATER
 from animeme.executors.child import Task, readable, start, uninterrupted
 from animeme.executors.local import LocalExecutor
 from support.jobs import PATIENCE_S
@@ -123,6 +124,24 @@ def test_processes_get_ready_while_others_die() -> None:
             pool.get_ready("support.work:keep", result.index)
             found.append((result.index, result.outcome))
     assert sorted(found) == [(n, ("ok", "crash")[n % 2]) for n in range(8)]
+
+
+def test_results_that_have_come_are_given_before_the_next_item_is_looked_for() -> None:
+    found: dict[int, int] = {}
+    with LocalExecutor(2) as pool:
+
+        def items() -> Iterator[object]:
+            yield 1
+            readable([handle for child in pool._children for handle in child.handles], PATIENCE_S)
+            yield LATER
+            assert found == {0: 2}
+            yield 2
+
+        with patience():
+            run = pool.run("support.work:double", items(), timeout_s=PATIENCE_S, retries=0)
+            for result in run:
+                found[result.index] = result.value
+    assert found == {0: 2, 1: 4}
 
 
 def test_getting_ready_for_something_large_blocks_nobody() -> None:

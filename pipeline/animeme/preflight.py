@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain
 from pathlib import Path
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -15,7 +17,7 @@ from animeme import documents, registry
 from animeme.contracts import Model
 from animeme.dialogue import Line
 from animeme.errors import InputError, JobError, Problem
-from animeme.executors import Executor, resolve
+from animeme.executors import LATER, Executor, resolve
 from animeme.findings import Finding, Severity
 from animeme.gathering import gather
 from animeme.job import Job, check_job, model_files
@@ -65,21 +67,22 @@ def prepare(job: Job, memory: Memory, executor: Executor | None = None) -> Prepa
     known = _known(noted) if noted is not None else None
     if known is not None:
         same = (memory.digests.of(path) == digest for path, digest in known.inputs.items())
-        if known.code == _code(memory) and all(same):
+        if known.code == _code(job, memory) and all(same):
             return known
     code = ""
 
-    def meanwhile() -> None:
+    def meanwhile() -> Iterator[Any]:
         nonlocal code
-        # First, for all keys: what somebody changes from now on is not taken for what is loaded.
-        code = _code(memory)
+        check_job(job)
+        # Now, for all keys: what somebody changes from now on is not taken for what is loaded.
+        code = _code(job, memory)
+        yield LATER  # who is done with an asset by now gets ready at once
         if executor is not None:
             executor.get_ready("animeme.preflight:get_ready", job)
         load_plugins(job)
 
     with documents.reading() as files:
-        check_job(job)
-        targets, findings = load_targets(job, _deadly(job, executor, meanwhile))
+        targets, findings = load_targets(job, _deadly(job, executor, meanwhile()))
     require_distinct_companions(job, targets)
     files += [path for target in targets for path in (target.asset.source, *target.inputs)]
     digests = {str(path): memory.digests.of(path) for path in files}
@@ -119,11 +122,24 @@ def _prepared_key(job: Job, memory: Memory) -> str:
     return key_of("prepared", [os.getcwd(), str(job.speak), *names])
 
 
-def _code(memory: Memory) -> str:
-    """Digest of all code that `prepare` may run."""
-    groups = [group for group in registry.GROUPS if group != registry.DELIVERY_CHECKS]
-    plugins = [p for group in groups for p in registry.plugins(group).values()]
-    return memory.code.of(plugins, "animeme.preflight")
+def _code(job: Job, memory: Memory) -> str:
+    """Digest of all code that a run of the job may run."""
+    work = [function.partition(":")[0] for function in (MAKE_LINE, WRITE_ASSET)]
+    return memory.code.of(_plugins_of(job), "animeme.preflight", *work)
+
+
+def _plugins_of(job: Job) -> Iterator[registry.Plugin]:
+    """The plug-ins that a run of the job may use, as far as there are any."""
+    named = {registry.ALIGNERS: {job.aligner}, registry.STAGES: {*_stages_of(job)}}
+    if not any(model_files(job)):  # else any model may say that it reads one
+        own = {c.model.name for c in job.characters if c.model is not None}
+        named[registry.MODELS] = {job.model, *own}
+    for group in registry.GROUPS:
+        if group == registry.DELIVERY_CHECKS:
+            continue
+        for name, plugin in registry.plugins(group).items():
+            if name in named.get(group, {name}):
+                yield plugin
 
 
 def load_plugins(job: Job) -> None:
@@ -149,6 +165,8 @@ def _stages_of(job: Job) -> Iterator[str]:
     """Names of the steps that a run of the job may take."""
     yield from ("read-speech", "read-transcript", "read-timings", "timings-kind")
     yield from ("bind-rig", "retarget", "read-curves", "curve-files")
+    if job.lexicon is not None:
+        yield "check-lexicon"
     if job.speak:
         yield from ("speak", "write-speech")
     if job.curves.export:
@@ -190,26 +208,25 @@ def _nothing(job: Job, findings: Iterable[Finding]) -> list[Problem]:
 
 
 def _deadly(
-    job: Job, executor: Executor | None, meanwhile: Callable[[], None]
+    job: Job, executor: Executor | None, meanwhile: Iterable[Any]
 ) -> dict[Path, InputError]:
     """Assets whose reading ends or stops a process, as workers find; none if there are no workers.
 
     Args:
         job: whose assets.
         executor: has the workers.
-        meanwhile: what this process does beside them.
+        meanwhile: what this process does beside them; gives a `LATER` now and then.
     """
     if executor is None:
-        meanwhile()
+        for _ in meanwhile:
+            pass
         return {}
     files = {path: c.asset_root for c in job.characters for path in c.assets}
-
-    def items() -> Iterator[tuple[Path, Path | None]]:
-        yield from files.items()
-        meanwhile()
-
     results = executor.run(
-        "animeme.preflight:try_asset", items(), timeout_s=OPENING_TIMEOUT_S, retries=0
+        "animeme.preflight:try_asset",
+        chain(files.items(), meanwhile),
+        timeout_s=OPENING_TIMEOUT_S,
+        retries=0,
     )
     paths = list(files)
     return {

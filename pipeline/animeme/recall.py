@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from hashlib import sha256
-from itertools import islice
+from itertools import chain, islice, repeat
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +38,8 @@ from animeme.tasks import (
 _TOUCH_AFTER_S = 12 * 3600.0
 # What is remembered of lines by their look changes with this number.
 _FORMAT = 1
-# Lines that are looked up together: work on the first begins while others are looked at.
-_AT_ONCE = 500
+# Lines that are looked up together: work on the first few begins while others are looked at.
+_AT_ONCE = (20, 100, 500)
 
 
 class Recall(Keyring):
@@ -79,7 +79,9 @@ class Recall(Keyring):
         """
         self.context  # noqa: B018  which says what all lines' keys have in common
         left = iter(lines)
-        while part := [*islice(left, _AT_ONCE)]:
+        for size in chain(_AT_ONCE, repeat(_AT_ONCE[-1])):
+            if not (part := [*islice(left, size)]):
+                return
             if not self._delivers:
                 yield [(self._item(*entry, spool), None) for entry in part]
                 continue

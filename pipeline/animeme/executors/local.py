@@ -207,12 +207,11 @@ class LocalExecutor:
             child.warm = False
         while not self._stopped.is_set():
             busy = sum(child.busy for child in children)
-            if tasks.open and not waiting and busy < self.workers:
-                tasks.draw(1)  # the first child starts while the next is looked for
             if not waiting and not busy:
-                if tasks.open:
-                    continue
-                return
+                if not tasks.open:
+                    return
+                tasks.draw(1)
+                continue
             more = min(self.workers, busy + len(waiting)) - len(children)
             if more > 0 and (
                 not children or pace.calls_for_more(tasks, len(children), self.workers)
@@ -228,7 +227,8 @@ class LocalExecutor:
             most_s = 0.0 if ahead else _START_S if waiting and more > 0 else timeout_s
             ready = _ready(children, timeout_s, most_s)
             if ahead and not ready:
-                tasks.draw(_DRAWN_AT_ONCE)
+                # The first child starts while the next task is looked for.
+                tasks.draw(_DRAWN_AT_ONCE if waiting or busy >= self.workers else 1)
             for child in ready:
                 for task, result in child.collect(timeout_s, waiting):
                     pace.take(child, result)
