@@ -129,14 +129,14 @@ def _code(job: Job, memory: Memory) -> str:
 
 
 def _plugins_of(job: Job) -> Iterator[registry.Plugin]:
-    """The plug-ins that a run of the job may use, as far as there are any."""
+    """The plug-ins that may have a say in a run of the job, as far as there are any."""
     named = {registry.ALIGNERS: {job.aligner}, registry.STAGES: {*_stages_of(job)}}
     if not any(model_files(job)):  # else any model may say that it reads one
         own = {c.model.name for c in job.characters if c.model is not None}
         named[registry.MODELS] = {job.model, *own}
     for group in registry.GROUPS:
-        if group == registry.DELIVERY_CHECKS:
-            continue
+        if group in (registry.DELIVERY_CHECKS, registry.PROFILES):
+            continue  # judge deliveries
         for name, plugin in registry.plugins(group).items():
             if name in named.get(group, {name}):
                 yield plugin
@@ -162,9 +162,9 @@ def load_plugins(job: Job) -> None:
 
 
 def _stages_of(job: Job) -> Iterator[str]:
-    """Names of the steps that a run of the job may take."""
+    """Names of the steps that a run of the job may take once its dialogue is listed."""
     yield from ("read-speech", "read-transcript", "read-timings", "timings-kind")
-    yield from ("bind-rig", "retarget", "read-curves", "curve-files")
+    yield from ("read-rig", "bind-rig", "retarget", "read-curves", "curve-files")
     if job.lexicon is not None:
         yield "check-lexicon"
     if job.speak:
@@ -222,11 +222,11 @@ def _deadly(
             pass
         return {}
     files = {path: c.asset_root for c in job.characters for path in c.assets}
+    assets = files.items()
+    # Who does one thing after another opens them when all else has been looked at.
+    items = chain(assets, meanwhile) if executor.overlaps else chain(meanwhile, assets)
     results = executor.run(
-        "animeme.preflight:try_asset",
-        chain(files.items(), meanwhile),
-        timeout_s=OPENING_TIMEOUT_S,
-        retries=0,
+        "animeme.preflight:try_asset", items, timeout_s=OPENING_TIMEOUT_S, retries=0
     )
     paths = list(files)
     return {

@@ -175,6 +175,7 @@ class Child:
 
     def kill(self) -> None:
         """End it, whatever it is doing."""
+        self.cpu_s = 0.0  # the system counts it from now on
         self.process.kill()
         self.process.join()
         self._pipe.close()

@@ -227,8 +227,9 @@ class LocalExecutor:
             most_s = 0.0 if ahead else _START_S if waiting and more > 0 else timeout_s
             ready = _ready(children, timeout_s, most_s)
             if ahead and not ready:
-                # The first child starts while the next task is looked for.
-                tasks.draw(_DRAWN_AT_ONCE if waiting or busy >= self.workers else 1)
+                # While some have nothing to do, what is found for them is not held up.
+                idle = not waiting and sum(child.busy for child in children) < self.workers
+                tasks.draw(1 if idle else _DRAWN_AT_ONCE)
             for child in ready:
                 for task, result in child.collect(timeout_s, waiting):
                     pace.take(child, result)

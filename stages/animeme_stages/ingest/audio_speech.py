@@ -135,14 +135,16 @@ _WINDOW = np.hanning(_FRAME).astype(np.float32)
 _WINDOW_CORRELATION = np.correlate(_WINDOW, _WINDOW, "full")[_FRAME - 1 :]
 # The usual raising of the treble, a first difference, and its power gain per bin.
 _RAISING = np.float32(0.97)
-_TREBLE = np.abs(1 - _RAISING * np.exp(-2j * np.pi * np.arange(_FRAME // 2 + 1) / _FRAME)) ** 2
+_TREBLE = (
+    np.abs(1 - _RAISING * np.exp(-2j * np.pi * np.arange(_FRAME // 2 + 1) / _FRAME)) ** 2
+).astype(np.float32)
 
 
 def _measured(frames: NDArray[np.float32]) -> NDArray[np.floating]:
     """Level, level with raised treble, likeness to 60 ms before, flatness: shape (4, F)."""
     windowed = frames * _WINDOW
     power = _power(windowed)
-    raised = power * _TREBLE.astype(np.float32)
+    raised = power * _TREBLE
     amplitude = np.sqrt(raised[:, 3:160])  # 94 Hz to 5 kHz
     amplitude /= np.linalg.norm(amplitude, axis=1, keepdims=True) + 1e-9
     alike = (amplitude[_LAG:] * amplitude[:-_LAG]).sum(axis=1)

@@ -10,9 +10,9 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cache
 from importlib import resources
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -89,9 +89,11 @@ class Dam(FittedModel):
         self.trends_ = Trends.none()
 
     @classmethod
-    def default(cls) -> Dam:
+    @cache
+    def default(cls) -> Self:
         """The model as shipped: ARKit controls, one English speaker (see its `credits_`)."""
-        return _shipped()
+        path = resources.files("animeme_stages.synthesize") / "dam_grid.json"
+        return cls.from_document(json.loads(path.read_text(encoding="utf-8")))
 
     def _empty(self, units: int) -> Animemes:
         return Animemes.empty(Dominance2012(), self.options, units, len(self.controls_))
@@ -198,9 +200,3 @@ class Dam(FittedModel):
                 self.trends_ = Trends.from_json(
                     learned["trends"], units, (options.degree + 1, controls)
                 )
-
-
-@lru_cache(maxsize=1)
-def _shipped() -> Dam:
-    text = resources.files("animeme_stages.synthesize").joinpath("dam_grid.json").read_text("utf-8")
-    return Dam.from_document(json.loads(text))

@@ -168,11 +168,11 @@ class FittedModel(ABC):
             "model": self.name,
             "config": self.config(),
             "controls": list(self.controls_),
-            "seen": self.seen_,
+            "seen": dict(self.seen_),
             "contacts": self.contacts_.to_json(),
             "holds": self.holds_.to_json(),
             "learned": self._to_json(),
-            **({"copies": self.copies_} if self.copies_ else {}),
+            **({"copies": dict(self.copies_)} if self.copies_ else {}),
             **({"credits": self.credits_} if self.credits_ else {}),
         }
 
