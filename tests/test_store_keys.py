@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
+import sys
 import time
 from dataclasses import fields
 from pathlib import Path
@@ -117,6 +119,23 @@ def test_an_entry_that_is_not_what_was_put_there_is_absent(damage: str, tmp_path
     path.write_bytes(spoilt[damage])
     assert store.get(key) is None
     assert store.damaged == [key]
+
+
+def test_what_a_dead_process_had_begun_goes_even_if_nobody_asked_how_it_ended(
+    tmp_path: Path,
+) -> None:
+    store = Store(tmp_path)
+    store.put("ab" * 32, {})
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+        own = store.scratch()
+        others = own.with_name(own.name.replace(f"-{os.getpid()}-", f"-{process.pid}-"))
+        for path in (own, others):
+            path.touch()
+        assert store.sweep() == 0
+        process.kill()
+        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+        assert store.sweep() == 1
+        assert [*own.parent.iterdir()] == [own]
 
 
 def test_code_is_known_by_what_it_imports_and_the_data_beside_it(

@@ -184,7 +184,16 @@ def alive(process: int) -> bool:
         return False
     except PermissionError:
         return True
-    return True
+    return not _ended(process)
+
+
+def _ended(process: int) -> bool:
+    """Whether nothing but its exit code is left: in containers, nobody may ever ask for that."""
+    try:
+        with open(f"/proc/{process}/stat") as stream:
+            return stream.read().rpartition(")")[2].split()[0] in "ZX"
+    except (OSError, UnicodeDecodeError):  # no Linux, or gone meanwhile
+        return False
 
 
 def _write(scratch: str, target: str, data: bytes) -> None:
