@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -106,6 +107,28 @@ def stopped(job: SmallJob, number: int, *options: str) -> tuple[int, str]:
         os.killpg(process.pid, number)  # as a terminal does: to the workers too
         err = process.communicate(timeout=PATIENCE_S)[1].decode()
     return process.returncode, err
+
+
+def test_a_ctrl_c_is_heard_though_python_ignores_it_where_things_are_thrown_away() -> None:
+    script = (
+        "import os, signal, time, weakref\n"
+        "from animeme.cli import _prepare_process\n"
+        "class Thing: pass\n"
+        "for _ in range(2): _prepare_process()\n"
+        "thing = Thing()\n"
+        "seen = weakref.ref(thing, lambda _: os.kill(os.getpid(), signal.SIGINT))\n"
+        "other = weakref.ref(thing, lambda _: 1 / 0)\n"
+        "try:\n"
+        "    del thing\n"
+        f"    time.sleep({PATIENCE_S})\n"
+        "except KeyboardInterrupt:\n"
+        "    print('heard')\n"
+    )
+    command = [sys.executable, "-c", script]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.stdout == "heard\n"
+    assert ended.stderr.count("Traceback") == 1, "other errors are told as ever, once"
+    assert "ZeroDivisionError" in ended.stderr
 
 
 @pytest.mark.slow

@@ -5,11 +5,13 @@ from __future__ import annotations
 import atexit
 import gc
 import io
+import os
 import signal
 import sys
 import threading
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from importlib import import_module
 from importlib.metadata import version
 from types import FrameType
@@ -41,6 +43,8 @@ _COMMANDS = {
     "voice": "Learn how each speaker sounds, to align with more certainty.",
 }
 
+# After this, what was in the middle of being thrown away is gone.
+_AGAIN_S = 0.05
 EXIT_UNUSABLE = 2
 EXIT_OURS = 3
 
@@ -109,10 +113,24 @@ def _prepare_process() -> None:
             stream.reconfigure(encoding="utf-8", errors="backslashreplace")
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _stop)
+        if getattr(sys.unraisablehook, "func", None) is not _unraisable:
+            sys.unraisablehook = partial(_unraisable, sys.unraisablehook)
 
 
 def _stop(number: int, _: FrameType | None) -> None:
     sys.exit(128 + number)
+
+
+def _unraisable(
+    tell: Callable[[sys.UnraisableHookArgs], object], ignored: sys.UnraisableHookArgs
+) -> None:
+    """Have a Ctrl-C heard that came while something was thrown away, where Python ignores it."""
+    if ignored.exc_type is not KeyboardInterrupt:
+        tell(ignored)
+        return
+    again = threading.Timer(_AGAIN_S, os.kill, (os.getpid(), signal.SIGINT))
+    again.daemon = True  # a command that is at its end need not hear of it
+    again.start()
 
 
 def _complain(message: str, debug: bool) -> None:
