@@ -129,8 +129,9 @@ def is_narrow(mono: NDArray[np.float32], rate_hz: int) -> bool:
     first = int(np.ceil(NARROW_HZ * size / rate_hz))
     window = np.hanning(size).astype(np.float32)
     last = size * min(8_000, rate_hz // 2) // rate_hz
-    for start in range(0, len(mono), size * size):  # a mebisample at a time
-        part = mono[start : start + size * size]
+    most = 128 * size  # samples at a time: larger arrays take longer, piece for piece
+    for start in range(0, len(mono), most):
+        part = mono[start : start + most]
         frames = np.pad(part, (0, -len(part) % size)).reshape(-1, size) * window
         power = (np.abs(np.fft.rfft(frames, axis=1)) ** 2).sum(axis=0)
         above += float(power[first:last].sum())
